@@ -1,0 +1,23 @@
+"""The discrete actions of the agent, numbered as Habitat numbers them."""
+
+from enum import IntEnum
+from typing import Final
+
+
+class Action(IntEnum):
+    """What the agent can do in one step."""
+
+    STOP = 0
+    MOVE_FORWARD = 1
+    TURN_LEFT = 2
+    TURN_RIGHT = 3
+
+
+MOVES: Final = (Action.MOVE_FORWARD, Action.TURN_LEFT, Action.TURN_RIGHT)
+"""The actions that change the pose."""
+
+FORWARD_STEP_M: Final = 0.065
+"""Length of one forward step, metres (Active Neural Mapping, Sec. 5.1)."""
+
+TURN_STEP_DEG: Final = 10.0
+"""Angle of one turn, degrees (Active Neural Mapping, Sec. 5.1)."""
