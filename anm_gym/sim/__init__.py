@@ -1,0 +1,1 @@
+"""Depth cameras, the traversable grid, motion and geodesics over plain triangles."""
