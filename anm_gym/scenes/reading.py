@@ -1,0 +1,128 @@
+"""From a mesh file to one flat list of coloured triangles, in the file's own axes and unit.
+
+What the numbers mean (unit, up axis) and whether they are sound is left to `cleaning` and `axes`.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from anm_gym.errors import SceneError
+from anm_gym.scenes.colors import PLAIN_RGB, face_colors_of
+
+SUFFIXES: Final = (".glb", ".gltf", ".obj", ".ply", ".stl")
+"""The mesh formats that can be read."""
+
+_FIRST_BYTES: Final = {".glb": b"glTF", ".ply": b"ply"}
+
+
+@dataclass(frozen=True, eq=False)
+class RawMesh:
+    """Triangles as the file has them: nothing repaired, axes and unit unknown."""
+
+    vertices: NDArray[np.float64]
+    """(V, 3) float64, the file's unit and axes; may hold NaN."""
+    faces: NDArray[np.int64]
+    """(F, 3) int64 indices; may be out of range."""
+    face_colors: NDArray[np.uint8] | None
+    """(F, 3) uint8 RGB, or None if no part of the file has a colour."""
+
+
+def read_triangles(path: str | Path) -> RawMesh:
+    """Read a mesh file, apply the transforms of its nodes and join its parts.
+
+    Args:
+        path: A file with one of `SUFFIXES`.
+
+    Returns:
+        Every triangle of the file, in the order of its nodes.
+
+    Raises:
+        SceneError: If the file is missing, empty, unknown, broken or holds no triangle.
+    """
+    file = _checked_file(Path(path))
+    parts = list(_parts_of(_parse(file), file))
+    sizes = np.cumsum([0] + [len(part.vertices) for part in parts[:-1]])
+    return RawMesh(
+        np.concatenate([part.vertices for part in parts]),
+        np.concatenate([part.faces + offset for part, offset in zip(parts, sizes, strict=True)]),
+        _joined_colors(parts),
+    )
+
+
+def _checked_file(path: Path) -> Path:
+    suffix = path.suffix.lower()
+    if suffix == ".json":
+        raise SceneError(f"{path} looks like a floor plan; load it with `load_floorplan` or `make_scene`")
+    if not path.exists():
+        raise SceneError(f"scene file {path} must exist, got nothing there; check the path")
+    if path.is_dir():
+        raise SceneError(f"`path` must be a file, got the folder {path}; name the mesh inside it")
+    if suffix not in SUFFIXES:
+        raise SceneError(f"`path` must end in one of {', '.join(SUFFIXES)}, got {path.name!r}; convert it")
+    if path.stat().st_size == 0:
+        raise SceneError(f"{path} must hold a mesh, got an empty file; copy or export it again")
+    _check_first_bytes(path, suffix)
+    return path
+
+
+def _check_first_bytes(path: Path, suffix: str) -> None:
+    """Refuse a file whose content is of another format than its suffix says."""
+    with path.open("rb") as file:
+        start = file.read(16)
+    for other, magic in _FIRST_BYTES.items():
+        if start.startswith(magic) and suffix != other:
+            raise SceneError(f"{path.name} must hold {suffix} data, got {other} data; rename it to {other}")
+    if suffix in _FIRST_BYTES and not start.startswith(_FIRST_BYTES[suffix]):
+        raise SceneError(
+            f"{path.name} must begin with {_FIRST_BYTES[suffix]!r}, got {start!r}; it is not a {suffix} file"
+        )
+
+
+def _parse(path: Path) -> trimesh.Scene:
+    try:
+        return trimesh.load_scene(path, process=False)
+    except Exception as error:  # trimesh raises whatever its parsers meet: KeyError, struct.error, ...
+        reason = f"{type(error).__name__}: {error}"
+        raise SceneError(
+            f"{path} cannot be read as {path.suffix} ({reason}); it may be truncated: copy or export it again"
+        ) from error
+
+
+def _parts_of(scene: trimesh.Scene, path: Path) -> Iterator[RawMesh]:
+    is_empty = True
+    for node in scene.graph.nodes_geometry:
+        world_from_part, name = scene.graph[node]
+        geometry = scene.geometry[name]
+        if isinstance(geometry, trimesh.Trimesh) and len(geometry.faces) > 0:
+            is_empty = False
+            yield _flattened(geometry, np.asarray(world_from_part, np.float64))
+    if is_empty:
+        kinds = sorted({type(geometry).__name__ for geometry in scene.geometry.values()}) or ["nothing"]
+        raise SceneError(
+            f"{path} must hold triangles, got {' and '.join(kinds)}; "
+            "reconstruct a surface first if it is a point cloud"
+        )
+
+
+def _flattened(part: trimesh.Trimesh, world_from_part: NDArray[np.float64]) -> RawMesh:
+    """Move a part into the file's world; a mirroring transform turns its winding back."""
+    with np.errstate(invalid="ignore"):  # vertices that are not finite are counted later, by `clean_mesh`
+        vertices = np.asarray(part.vertices, np.float64) @ world_from_part[:3, :3].T + world_from_part[:3, 3]
+    faces = np.asarray(part.faces, np.int64)
+    if np.linalg.det(world_from_part[:3, :3]) < 0.0:
+        faces = faces[:, ::-1]
+    return RawMesh(vertices, faces, face_colors_of(part))
+
+
+def _joined_colors(parts: list[RawMesh]) -> NDArray[np.uint8] | None:
+    if all(part.face_colors is None for part in parts):
+        return None
+    plain = np.array(PLAIN_RGB, np.uint8)
+    colors = [np.tile(plain, (len(p.faces), 1)) if p.face_colors is None else p.face_colors for p in parts]
+    return np.concatenate(colors)

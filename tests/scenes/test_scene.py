@@ -1,0 +1,64 @@
+"""The scene itself: which storey is played and which triangles belong to it."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from anm_gym.errors import SceneError
+from anm_gym.mesh import TriangleMesh
+from anm_gym.scenes import Scene, Storey
+
+BoxRoom = Callable[..., TriangleMesh]
+
+
+def stacked(mesh: TriangleMesh, lift_m: float) -> TriangleMesh:
+    """Put a copy of a mesh above it; the copy is red, the original blue."""
+    upper = mesh.vertices + np.array([0.0, lift_m, 0.0])
+    colors = np.zeros((2 * len(mesh.faces), 3), np.uint8)
+    colors[: len(mesh.faces), 2] = colors[len(mesh.faces) :, 0] = 255
+    faces = np.concatenate([mesh.faces, mesh.faces + len(mesh.vertices)])
+    return TriangleMesh(np.concatenate([mesh.vertices, upper]), faces, colors)
+
+
+def two_storeys(mesh: TriangleMesh, floor_y_m: float, ceiling_y_m: float | None = 2.5) -> Scene:
+    storeys = (Storey(0, 0.0, 2.5, 14.0), Storey(1, 4.0, None, 14.0))
+    return Scene("pair", mesh, floor_y_m, ceiling_y_m, storeys, "test")
+
+
+def test_single_storey_mesh_is_the_whole_mesh(box_room: BoxRoom) -> None:
+    mesh = box_room()
+    scene = Scene("room", mesh, 0.0, 2.5, (Storey(0, 0.0, 2.5, 14.0),), "test")
+    assert scene.storey_mesh is mesh
+
+
+def test_storey_mesh_holds_the_faces_that_touch_the_storey(box_room: BoxRoom) -> None:
+    room = box_room()
+    scene = two_storeys(stacked(room, 4.0), 0.0)
+    assert len(scene.storey_mesh.faces) == len(room.faces)
+    assert scene.storey_mesh.bounds[1, 1] == 2.5
+    assert scene.storey_mesh.face_colors is not None
+    assert (scene.storey_mesh.face_colors == (0, 0, 255)).all()
+
+
+def test_storey_without_ceiling_reaches_up_to_the_next_floor_or_the_sky(box_room: BoxRoom) -> None:
+    room = box_room()
+    mesh = stacked(room, 4.0)
+    upper = two_storeys(mesh, 4.0, ceiling_y_m=None)
+    assert len(upper.storey_mesh.faces) == len(room.faces)
+    lower = two_storeys(mesh, 0.0, ceiling_y_m=None)
+    assert lower.storey_mesh.bounds[1, 1] == 6.5
+
+
+def test_storey_is_the_selected_one(box_room: BoxRoom) -> None:
+    assert two_storeys(box_room(), 4.0).storey.index == 1
+
+
+def test_scene_without_storeys_is_refused(box_room: BoxRoom) -> None:
+    with pytest.raises(SceneError, match="must have at least one storey, got none"):
+        Scene("none", box_room(), 0.0, 2.5, (), "test")
+
+
+def test_floor_that_belongs_to_no_storey_is_refused(box_room: BoxRoom) -> None:
+    with pytest.raises(SceneError, match=r"must be the floor of a storey \(0.000, 4.000\), got 1.0"):
+        two_storeys(box_room(), 1.0)
