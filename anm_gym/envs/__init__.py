@@ -1,0 +1,1 @@
+"""Gymnasium environments over rendered meshes; none of them imports torch."""

@@ -1,0 +1,122 @@
+"""The signed distance networks and their positional encoding.
+
+A field only maps points to distances; how it is trained is the business of `anm_gym.map.neural_map`.
+"""
+
+import math
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from anm_gym.map.settings import FieldSettings
+
+
+def icosahedral_directions() -> Tensor:
+    """Return the 21 unit directions of the encoding.
+
+    One of each opposite pair of the 12 vertices and the 30 edge midpoints of an icosahedron.
+
+    Returns:
+        (21, 3) float32.
+
+    Source:
+        iSDF, as used by Active Neural Mapping, Sec. 5.1.
+    """
+    golden = (1.0 + math.sqrt(5.0)) / 2.0
+    vertices = torch.tensor(
+        [
+            vertex
+            for a in (-1.0, 1.0)
+            for b in (-golden, golden)
+            for vertex in ((0.0, a, b), (a, b, 0.0), (b, 0.0, a))
+        ],
+        dtype=torch.float64,
+    )
+    first, second = torch.triu_indices(12, 12, offset=1)
+    is_edge = (vertices[first] - vertices[second]).norm(dim=1) < 2.0 + 1e-6
+    midpoints = (vertices[first] + vertices[second])[is_edge] / 2.0
+    points = functional.normalize(torch.cat([vertices, midpoints]), dim=1)
+    weights = torch.tensor([1.0, 1e-3, 1e-6], dtype=torch.float64)
+    upper = points[points @ weights > 0]
+    return upper.float()
+
+
+class IcosahedralEncoding(nn.Module):
+    """Sines and cosines of points projected on 21 directions at several octaves, and the point itself."""
+
+    directions: Tensor
+    center_m: Tensor
+
+    def __init__(self, settings: FieldSettings) -> None:
+        super().__init__()
+        frequencies = 2.0 ** torch.arange(settings.octaves, dtype=torch.float32)
+        directions = icosahedral_directions()
+        bank = (frequencies[:, None, None] * directions).reshape(-1, 3)
+        self.register_buffer("directions", bank.T.contiguous())
+        self.register_buffer("center_m", torch.zeros(3))
+        self.scale_per_m = settings.point_scale_per_m
+        self.num_features = 2 * bank.shape[0] + 3
+
+    def forward(self, points: Tensor) -> Tensor:
+        """Encode (N, 3) metres as (N, num_features)."""
+        scaled = (points - self.center_m) * self.scale_per_m
+        projected = scaled @ self.directions
+        return torch.cat([scaled, projected.sin(), projected.cos()], dim=1)
+
+
+class SoftplusField(nn.Module):
+    """The paper's multilayer perceptron: softplus layers, the encoding joined again half way.
+
+    Args:
+        settings: Shape of the network; 4 hidden layers have 328,449 parameters, 6 have 460,033.
+        generator: Source of the initial weights.
+
+    Source:
+        Active Neural Mapping, Sec. 5.1.
+    """
+
+    def __init__(self, settings: FieldSettings, generator: torch.Generator) -> None:
+        super().__init__()
+        self.settings = settings
+        self.encoding = IcosahedralEncoding(settings)
+        encoded, width = self.encoding.num_features, settings.width
+        inner = settings.hidden_layers // 2 - 1
+        self.lower = nn.ModuleList([nn.Linear(n, width) for n in [encoded, *[width] * inner]])
+        self.upper = nn.ModuleList([nn.Linear(n, width) for n in [width + encoded, *[width] * inner]])
+        self.output = nn.Linear(width, 1)
+        self._initialise(generator)
+
+    def _initialise(self, generator: torch.Generator) -> None:
+        """Xavier-normal weights and uniform biases, drawn from one generator."""
+        for layer in self.modules():
+            if isinstance(layer, nn.Linear):
+                nn.init.xavier_normal_(layer.weight, generator=generator)
+                bound = layer.in_features**-0.5
+                nn.init.uniform_(layer.bias, -bound, bound, generator=generator)
+
+    def features(self, points: Tensor) -> Tensor:
+        """Return the last hidden layer, (N, width), which the output layer reads."""
+        encoded = self.encoding(points)
+        hidden = encoded
+        for layer in self.lower:
+            hidden = self._activate(layer(hidden))
+        hidden = torch.cat([hidden, encoded.to(hidden.dtype)], dim=1)
+        for layer in self.upper:
+            hidden = self._activate(layer(hidden))
+        return hidden
+
+    def forward(self, points: Tensor, output_noise: Tensor | None = None) -> Tensor:
+        """Predict the signed distance of (N, 3) points, (N,) float32 metres, positive in free space.
+
+        Args:
+            points: (N, 3) float32, metres, world frame.
+            output_noise: (N,) values added before the output is scaled, or None.
+        """
+        raw = self.output(self.features(points)).squeeze(1).float()
+        if output_noise is not None:
+            raw = raw + output_noise
+        return raw * self.settings.output_scale
+
+    def _activate(self, value: Tensor) -> Tensor:
+        return functional.softplus(value, beta=self.settings.softplus_beta)

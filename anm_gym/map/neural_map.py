@@ -1,0 +1,266 @@
+"""The continually learned signed distance map.
+
+`NeuralMap.integrate` is the paper's mapping step; what the map predicts and how sure it is of that
+are asked through `sdf`, `gradient` and `variability`.
+"""
+
+from copy import deepcopy
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from anm_gym.errors import MapError
+from anm_gym.geometry import CameraSpec
+from anm_gym.map.cloud import SurfaceCloud
+from anm_gym.map.fields import SoftplusField
+from anm_gym.map.frames import FrameStore
+from anm_gym.map.keyframes import explained_share
+from anm_gym.map.losses import LossTerms, distance_bound, map_loss
+from anm_gym.map.numerics import flushed_subnormals, has_fast_bfloat16, workers_flush_subnormals
+from anm_gym.map.occupancy import OccupancyGrid
+from anm_gym.map.perturbation import perturbations, variability
+from anm_gym.map.sampling import RayBatch, sample_rays
+from anm_gym.map.settings import MapSettings
+from anm_gym.map.volume import ObservedVolume
+from anm_gym.map.zero_crossings import Lattice, ZeroCrossings, extract_zero_crossings
+from anm_gym.stopwatch import Stopwatch
+
+CLOUD_STRIDE_PX = 2
+CHUNK_POINTS = 16384
+
+
+@dataclass(frozen=True)
+class MapUpdate:
+    """What one call of `NeuralMap.integrate` did."""
+
+    is_keyframe: bool
+    """Whether the frame before this one was kept for replay."""
+    iterations: int
+    """Optimiser steps taken."""
+    distance_loss: float
+    """Weighted mean distance term of the last iteration (Eq. 3)."""
+    eikonal_loss: float
+    """Weighted mean eikonal term of the last iteration (Eq. 3)."""
+    normal_loss: float
+    """Weighted mean normal term of the last iteration (Eq. 3)."""
+
+
+class NeuralMap:
+    """A signed distance network trained on a stream of posed depth images.
+
+    Nothing of the true scene is needed: the encoding is centred on the first camera, the extent of
+    every extraction comes from what was observed.
+
+    Args:
+        settings: One of `anm_gym.map.settings.PRESETS`, or your own.
+        camera: The camera of every frame.
+        seed: Seeds the weights and every draw.
+        device: Where the network lives, such as ``"cpu"`` or ``"cuda"``.
+
+    Source:
+        Active Neural Mapping, Sec. 4.1.
+
+    Example:
+        >>> from anm_gym.map.settings import map_settings
+        >>> neural_map = NeuralMap(map_settings("fast"), CameraSpec(width_px=32, height_px=32))
+        >>> update = neural_map.integrate(np.full((32, 32), 2.0, np.float32), np.eye(4))
+        >>> neural_map.sdf(np.zeros((1, 3), np.float32)).shape
+        (1,)
+    """
+
+    def __init__(
+        self, settings: MapSettings, camera: CameraSpec, *, seed: int = 0, device: str = "cpu"
+    ) -> None:
+        workers_flush_subnormals()
+        self.settings, self.camera, self.device = settings, camera, torch.device(device)
+        self.stopwatch = Stopwatch()
+        self.num_frames, self.num_keyframes = 0, 0
+        self.cloud, self.volume = SurfaceCloud(), ObservedVolume(camera)
+        self.field = SoftplusField(settings.field, torch.Generator().manual_seed(seed)).to(self.device)
+        self.frames = FrameStore(camera, settings.sampling, self.device)
+        self._generator = torch.Generator(self.device).manual_seed(seed + 1)
+        self._optimizer = torch.optim.AdamW(
+            self.field.parameters(),
+            lr=settings.schedule.learning_rate,
+            weight_decay=settings.schedule.weight_decay,
+        )
+        self._autocast = settings.schedule.bfloat16 and has_fast_bfloat16(self.device)
+        self._frozen = deepcopy(self.field)
+        self._frames_since_keyframe = 0
+        self._weight_change = torch.zeros_like(self._weights())
+        self._occupancy: OccupancyGrid | None = None
+
+    @property
+    def occupancy(self) -> OccupancyGrid:
+        """The top-down log of free and occupied floor.
+
+        Raises:
+            MapError: Before the first frame.
+        """
+        if self._occupancy is None:
+            raise MapError("the map must have seen a frame; call `integrate` first")
+        return self._occupancy
+
+    def integrate(self, depth_m: NDArray[np.float32], world_from_camera: NDArray[np.floating]) -> MapUpdate:
+        """Learn from one posed depth image.
+
+        Args:
+            depth_m: (H, W) or (H, W, 1) float32 planar depth, metres; 0 is empty.
+            world_from_camera: (4, 4) pose.
+
+        Returns:
+            What was done, with the loss terms of the last iteration.
+
+        Source:
+            Active Neural Mapping, Sec. 4.1, Eq. 3.
+        """
+        with self.stopwatch("observe"):
+            is_keyframe = self._admit(depth_m, world_from_camera)
+            self._log(depth_m, world_from_camera)
+        with self.stopwatch("learn"), flushed_subnormals():
+            before, terms = self._weights(), None
+            for _ in range(iterations := self._iterations(is_keyframe)):
+                window = self.frames.window(self._generator)
+                pixels = self.frames.sample_pixels(
+                    window, self.settings.sampling.rays_per_frame, self._generator
+                )
+                rays = sample_rays(pixels, self.settings.sampling, self._generator)
+                if len(rays.points) == 0:
+                    break
+                terms = self._loss(rays, is_keyframe)
+                self._descend(terms)
+                self.frames.record_losses(window, pixels.slots, terms.per_ray)
+            self._weight_change = self._weights() - before
+        return _summary(is_keyframe, iterations, terms)
+
+    def sdf(self, points: NDArray[np.floating]) -> NDArray[np.float32]:
+        """Predict the signed distance of (N, 3) points, (N,) float32 metres, positive in free space."""
+        with torch.no_grad(), flushed_subnormals(), self._precision():
+            chunks = self._tensor(points).split(CHUNK_POINTS)
+            return np.concatenate([_array(self.field(chunk)) for chunk in chunks])
+
+    def gradient(self, points: NDArray[np.floating]) -> NDArray[np.float32]:
+        """Differentiate the signed distance at (N, 3) points, (N, 3) float32, not normalised."""
+        gradients = []
+        for chunk in self._tensor(points).split(CHUNK_POINTS):
+            (gradient,) = torch.autograd.grad(self.field(chunk.requires_grad_()).sum(), chunk)
+            gradients.append(_array(gradient))
+        return np.concatenate(gradients)
+
+    def variability(self, points: NDArray[np.floating]) -> NDArray[np.float32]:
+        """Score (N, 3) points by their neural variability, (N,) float32; see `anm_gym.map.perturbation`.
+
+        Source:
+            Active Neural Mapping, Sec. 4.2, Eq. 4.
+        """
+        settings = self.settings.variability
+        evidence = self._evidence(settings.evidence_points)
+        draws = perturbations(self.field, settings, self._weight_change, evidence, self._generator)
+        return _array(variability(self.field, self._tensor(points), draws, settings))
+
+    def zero_crossings(self, voxel_m: float, margin_m: float = 0.2) -> ZeroCrossings:
+        """Extract the predicted surface over the observed extent, with cubic cells of `voxel_m`."""
+        bounds = self.cloud.bounds() + np.array([[-margin_m], [margin_m]])
+        return extract_zero_crossings(self.sdf, Lattice.with_spacing(bounds, voxel_m))
+
+    def mesh(self, voxel_m: float = 0.06, crop_m: float = 0.25) -> ZeroCrossings:
+        """Reconstruct the scene: zero-crossings within `crop_m` of an observed point."""
+        surface = self.zero_crossings(voxel_m)
+        if len(surface) == 0:
+            return surface
+        near = self.cloud.distance_of(surface.vertices) <= crop_m
+        return surface.keep_vertices(near, whole_faces=False)
+
+    def _admit(self, depth_m: NDArray[np.float32], world_from_camera: NDArray[np.floating]) -> bool:
+        """Store the frame; it replaces the last one unless that one has become a keyframe."""
+        depth = torch.as_tensor(depth_m, device=self.device).reshape(self.camera.height_px, -1)
+        pose = torch.as_tensor(world_from_camera, dtype=torch.float32, device=self.device)
+        if self.num_frames == 0:
+            self.field.encoding.center_m.copy_(pose[:3, 3])
+            self._frozen.encoding.center_m.copy_(pose[:3, 3])
+        is_keyframe = self.num_frames > 0 and self._explains_too_little()
+        if is_keyframe or self.num_frames == 0:
+            self.frames.append(depth, pose)
+            self._frames_since_keyframe = 0
+        else:
+            self.frames.replace_last(depth, pose)
+            self._frames_since_keyframe += 1
+        if is_keyframe:
+            self.num_keyframes += 1
+            self._frozen.load_state_dict(self.field.state_dict())
+        self.num_frames += 1
+        return is_keyframe
+
+    def _explains_too_little(self) -> bool:
+        """Ask the copy frozen at the last keyframe how much of the last stored frame it knew."""
+        settings = self.settings.keyframes
+        if self._frames_since_keyframe >= settings.max_interval:
+            return True
+        last = torch.tensor([len(self.frames) - 1], device=self.device)
+        pixels = self.frames.sample_pixels(last, settings.rays, self._generator)
+        share = explained_share(self._frozen, pixels, settings, self.settings.sampling, self._generator)
+        return share < settings.explained_share
+
+    def _log(self, depth_m: NDArray[np.float32], world_from_camera: NDArray[np.floating]) -> None:
+        """Keep what the frame shows beside the network: cloud, volume and floor."""
+        if self._occupancy is None:
+            floor_y_m = float(world_from_camera[1, 3]) - self.camera.sensor_height_m
+            self._occupancy = OccupancyGrid(floor_y_m=floor_y_m)
+        self._occupancy.integrate(depth_m.reshape(self.camera.height_px, -1), self.camera, world_from_camera)
+        self.volume.integrate(depth_m, world_from_camera)
+        self.cloud.add(_array(self.frames.points(len(self.frames) - 1, CLOUD_STRIDE_PX)))
+
+    def _iterations(self, is_keyframe: bool) -> int:
+        schedule = self.settings.schedule
+        if self.num_frames == 1:
+            return schedule.first_iterations
+        return schedule.keyframe_iterations if is_keyframe else schedule.iterations
+
+    def _loss(self, rays: RayBatch, is_keyframe: bool) -> LossTerms:
+        settings, schedule = self.settings.loss, self.settings.schedule
+        std = schedule.keyframe_output_noise if is_keyframe else schedule.output_noise
+        shape = rays.ray_bound_m.shape
+        noise = None
+        if std > 0.0:
+            noise = std * torch.randn(shape, generator=self._generator, device=self.device)
+        bound = distance_bound(rays, settings.distance_target, self.cloud.distance)
+        with self._precision():
+            return map_loss(self.field, rays, bound, settings, noise)
+
+    def _descend(self, terms: LossTerms) -> None:
+        self._optimizer.zero_grad(set_to_none=True)
+        terms.total.backward()
+        self._optimizer.step()
+
+    def _precision(self) -> torch.autocast:
+        return torch.autocast(self.device.type, torch.bfloat16, enabled=self._autocast)
+
+    @torch.no_grad()
+    def _evidence(self, count: int) -> Tensor:
+        """Draw observed surface points from all stored frames, (E, 3)."""
+        everything = torch.arange(len(self.frames), device=self.device)
+        per_frame = -(-count // max(1, len(self.frames)))
+        return self.frames.sample_pixels(everything, per_frame, self._generator).surface[:count]
+
+    def _weights(self) -> Tensor:
+        return torch.nn.utils.parameters_to_vector(self.field.parameters()).detach()
+
+    def _tensor(self, points: NDArray[np.floating]) -> Tensor:
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise ValueError(f"`points` must have shape (N, 3), got {points.shape}")
+        return torch.tensor(points, dtype=torch.float32, device=self.device)
+
+
+def _array(tensor: Tensor) -> NDArray[np.float32]:
+    return np.asarray(tensor.detach().cpu().numpy(), np.float32)
+
+
+def _summary(is_keyframe: bool, iterations: int, terms: LossTerms | None) -> MapUpdate:
+    if terms is None:
+        return MapUpdate(is_keyframe, 0, 0.0, 0.0, 0.0)
+    return MapUpdate(
+        is_keyframe, iterations, terms.distance.item(), terms.eikonal.item(), terms.normal.item()
+    )

@@ -1,0 +1,237 @@
+"""Settings of the neural map and its presets: every number with its source.
+
+`paper` follows the text of Active Neural Mapping, `released` the behaviour of its released code,
+`fast` and `best` are ours. The differences are argued in ``docs/paper.md``.
+"""
+
+from dataclasses import asdict, dataclass, replace
+from hashlib import sha256
+from json import dumps
+from typing import Final, Literal
+
+DistanceTarget = Literal["ray", "normal", "batch", "cloud"]
+KeyframeTest = Literal["render", "surface"]
+PerturbationFamily = Literal["unit_norm", "delta_norm", "delta_weight", "laplace"]
+VariabilityStatistic = Literal["variance", "mean_absolute"]
+
+
+@dataclass(frozen=True)
+class FieldSettings:
+    """Shape of the signed distance network.
+
+    Source:
+        Active Neural Mapping, Sec. 5.1 (4 hidden layers of 256); its released code has 6.
+    """
+
+    hidden_layers: int = 4
+    """Hidden layers, an even number; the encoding joins again in the middle."""
+    width: int = 256
+    """Units of a hidden layer."""
+    octaves: int = 6
+    """Frequencies 2^0 … 2^(octaves - 1) of the icosahedral encoding."""
+    point_scale_per_m: float = 0.05937489
+    """Factor on the points before encoding, 1/m (released code)."""
+    softplus_beta: float = 100.0
+    """Sharpness of the softplus activations."""
+    output_scale: float = 0.14
+    """Factor on the network's output, metres (released code)."""
+
+    def __post_init__(self) -> None:
+        if self.hidden_layers < 4 or self.hidden_layers % 2:
+            raise ValueError(f"`hidden_layers` must be an even number >= 4, got {self.hidden_layers}")
+        if self.width < 1 or self.octaves < 1:
+            raise ValueError(f"`width` and `octaves` must be >= 1, got {self.width} and {self.octaves}")
+
+
+@dataclass(frozen=True)
+class SamplingSettings:
+    """Which pixels and which points along their rays an iteration sees.
+
+    Source:
+        iSDF's sampling as used by Active Neural Mapping, Sec. 4.1.
+    """
+
+    window_frames: int = 5
+    """Frames of one iteration: the two newest and replayed keyframes."""
+    rays_per_frame: int = 200
+    """Pixels drawn of each frame, uniform with replacement."""
+    stratified: int = 19
+    """Stratified samples of a ray between `min_depth_m` and just behind the surface."""
+    near_surface: int = 8
+    """Samples around the surface of a ray, the first exactly on it."""
+    near_surface_std_m: float = 0.1
+    """Spread of the near-surface samples, metres of depth."""
+    behind_m: float = 0.1
+    """How far behind the surface samples may lie, metres of depth."""
+    min_depth_m: float = 0.07
+    """Nearest valid depth, metres."""
+    max_depth_m: float = 8.0
+    """Farthest valid depth, metres."""
+    weighted_replay: bool = True
+    """Draw replayed keyframes in proportion to their last loss; False draws them uniformly."""
+
+    def __post_init__(self) -> None:
+        if self.window_frames < 3:
+            raise ValueError(f"`window_frames` must be >= 3, got {self.window_frames}")
+        if self.rays_per_frame < 1 or self.stratified < 1 or self.near_surface < 1:
+            raise ValueError("`rays_per_frame`, `stratified` and `near_surface` must be >= 1")
+
+    @property
+    def samples_per_ray(self) -> int:
+        """Points of one ray."""
+        return self.stratified + self.near_surface
+
+
+@dataclass(frozen=True)
+class LossSettings:
+    """Weights of the three terms.
+
+    Source:
+        Active Neural Mapping, Eq. 3; the numbers are iSDF's.
+    """
+
+    distance_target: DistanceTarget = "ray"
+    """How the supervising distance is bounded; see `anm_gym.map.losses.distance_bound`."""
+    truncation_m: float = 0.29365
+    """Below this bound the distance is regressed, above it only bounded, metres."""
+    truncated_weight: float = 5.38344
+    """Weight of the regressed distance."""
+    free_space_decay: float = 5.0
+    """Steepness of the penalty of negative predictions in free space, 1/m."""
+    regress_free_space: bool = False
+    """Regress the free-space distance too (ours; sound where the target is the observed cloud)."""
+    eikonal_weight: float = 0.268
+    """Weight of | ||gradient|| - 1 |."""
+    eikonal_min_m: float = 0.1
+    """The eikonal term acts where the bound is at least this, metres."""
+    normal_weight: float = 0.018
+    """Weight of 1 - cos(gradient, normal)."""
+    gradient_share: float = 1.0
+    """Share of the points that enter the two gradient terms (ours: less is faster)."""
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.gradient_share <= 1.0:
+            raise ValueError(f"`gradient_share` must be in (0, 1], got {self.gradient_share}")
+
+
+@dataclass(frozen=True)
+class ScheduleSettings:
+    """How often the optimiser steps.
+
+    Source:
+        Released code of Active Neural Mapping; the paper does not state the counts.
+    """
+
+    first_iterations: int = 200
+    """Iterations at the first frame."""
+    iterations: int = 10
+    """Iterations at an ordinary frame."""
+    keyframe_iterations: int = 60
+    """Iterations when a keyframe is kept."""
+    learning_rate: float = 0.0013
+    """Step size of Adam."""
+    weight_decay: float = 0.0
+    """Decoupled weight decay; the paper's Adam has none, the released AdamW 0.012."""
+    output_noise: float = 0.04
+    """Standard deviation of the noise on the network's output before scaling, ordinary frame."""
+    keyframe_output_noise: float = 0.08
+    """The same when a keyframe is kept."""
+    bfloat16: bool = False
+    """Matrix products in bfloat16 (ours)."""
+
+
+@dataclass(frozen=True)
+class KeyframeSettings:
+    """When a frame is kept for replay.
+
+    Source:
+        iSDF's keyframe test as used by the released code.
+    """
+
+    test: KeyframeTest = "render"
+    """`render` sphere-traces depth with a frozen copy; `surface` asks it at the seen points (ours)."""
+    rays: int = 400
+    """Rays of the test."""
+    explained_share: float = 0.70
+    """A smaller share of explained rays makes a keyframe."""
+    relative_error: float = 0.1
+    """Relative depth error under which a ray counts as explained."""
+    max_interval: int = 100
+    """Frames after which a keyframe is forced."""
+
+
+@dataclass(frozen=True)
+class VariabilitySettings:
+    """How the weights are perturbed.
+
+    Source:
+        Active Neural Mapping, Sec. 4.2, Eq. 4; the Laplace family is ours.
+    """
+
+    family: PerturbationFamily = "delta_weight"
+    """See `anm_gym.map.perturbation`."""
+    draws: int = 20
+    """Perturbed copies of the network."""
+    statistic: VariabilityStatistic = "variance"
+    """Variance of the predictions (paper) or mean absolute change (released code)."""
+    prior_precision: float = 1.0
+    """Precision of the last layer's Gaussian prior (Laplace family)."""
+    evidence_points: int = 4096
+    """Replayed surface points that the Laplace posterior is fitted to."""
+
+
+@dataclass(frozen=True)
+class MapSettings:
+    """All settings of a `NeuralMap`."""
+
+    preset: str = "paper"
+    """Name under which results are filed."""
+    field: FieldSettings = FieldSettings()
+    sampling: SamplingSettings = SamplingSettings()
+    loss: LossSettings = LossSettings()
+    schedule: ScheduleSettings = ScheduleSettings()
+    keyframes: KeyframeSettings = KeyframeSettings()
+    variability: VariabilitySettings = VariabilitySettings()
+
+    @property
+    def settings_hash(self) -> str:
+        """Twelve hexadecimal digits that name the effective settings."""
+        return sha256(dumps(asdict(self), sort_keys=True).encode()).hexdigest()[:12]
+
+
+PAPER: Final = MapSettings()
+RELEASED: Final = MapSettings(
+    preset="released",
+    field=FieldSettings(hidden_layers=6),
+    schedule=ScheduleSettings(iterations=5, weight_decay=0.012),
+    variability=VariabilitySettings(family="unit_norm", statistic="mean_absolute"),
+)
+FAST: Final = MapSettings(
+    preset="fast",
+    sampling=SamplingSettings(window_frames=8, rays_per_frame=24, stratified=5, near_surface=3),
+    loss=LossSettings(distance_target="cloud", regress_free_space=True, gradient_share=0.25),
+    schedule=ScheduleSettings(
+        first_iterations=150,
+        iterations=4,
+        keyframe_iterations=10,
+        learning_rate=0.0015,
+        output_noise=0.0,
+        keyframe_output_noise=0.0,
+        bfloat16=True,
+    ),
+    keyframes=KeyframeSettings(test="surface", rays=200),
+    variability=VariabilitySettings(family="laplace", draws=128),
+)
+BEST: Final = replace(FAST, preset="best")
+PRESETS: Final = {settings.preset: settings for settings in (PAPER, RELEASED, FAST, BEST)}
+
+
+def map_settings(preset: str) -> MapSettings:
+    """Look up a preset by name.
+
+    Raises:
+        ValueError: If there is no such preset.
+    """
+    if preset not in PRESETS:
+        raise ValueError(f"unknown map preset {preset!r}; choose one of: {', '.join(sorted(PRESETS))}")
+    return PRESETS[preset]

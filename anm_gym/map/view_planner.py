@@ -1,0 +1,208 @@
+"""The next best view of variable surface, planned on the map alone (ours).
+
+1. The zero-crossings around the observed space are extracted and scored by neural variability.
+2. The reachable floor is searched, and places near much variable surface are kept.
+3. Each place and heading is ranked by the variable surface in view per step of cost.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from anm_gym.map.neural_map import NeuralMap
+from anm_gym.map.reach import ReachableSpace, ReachSettings, reachable_space
+from anm_gym.map.views import (
+    View,
+    ViewSettings,
+    expected_visibility,
+    gains_by_heading,
+    rank_views,
+    view_costs,
+)
+from anm_gym.map.volume import FREE, UNKNOWN
+from anm_gym.map.zero_crossings import Lattice, zero_crossings_of
+
+
+@dataclass(frozen=True)
+class SurfaceSettings:
+    """Which surface is worth looking at (ours)."""
+
+    lattice_m: float = 0.2
+    """Spacing of the lattice on which zero-crossings are extracted, metres."""
+    margin_m: float = 1.0
+    """How far into unknown space they are followed, metres."""
+    seen_m: float = 0.15
+    """Surface this close to an observed point is taken as seen, metres."""
+    only_unseen: bool = True
+    """Drop surface that is taken as seen or floats in observed free space; False trusts variability
+    alone."""
+    reference_quantile: float = 0.9
+    """Variability of observed surface at this quantile weighs one half."""
+    reference_points: int = 512
+    """Observed points from which that quantile is taken."""
+
+
+@dataclass(frozen=True)
+class VariableSurface:
+    """Points of the predicted surface and what it is worth to look at them."""
+
+    points: NDArray[np.float32]
+    """(V, 3) float32, metres, world frame."""
+    weights: NDArray[np.float32]
+    """(V,) float32 in [0, 1)."""
+
+
+def variable_surface(neural_map: NeuralMap, settings: SurfaceSettings) -> VariableSurface:
+    """Extract the zero-crossings near the observed space and weigh them by variability.
+
+    Args:
+        neural_map: A map that has seen at least one frame.
+        settings: Lattice, margin and reference.
+
+    Returns:
+        The surface; empty if the map predicts none.
+
+    Source:
+        Active Neural Mapping, Sec. 4.2, with weights relative to observed surface (ours).
+    """
+    margin = np.full(3, settings.margin_m) * [1.0, 0.0, 1.0] + [0.0, settings.lattice_m, 0.0]
+    bounds = neural_map.cloud.bounds(0.001) + np.stack([-margin, margin])
+    lattice = Lattice.with_spacing(bounds, settings.lattice_m)
+    points = lattice.points
+    states = neural_map.volume.state_at(points).reshape(lattice.shape)
+    reach = round(settings.margin_m / settings.lattice_m)
+    nearby = ndimage.binary_dilation(states != UNKNOWN, iterations=reach)
+    interior = ndimage.binary_erosion(states == FREE)
+    values = np.ones(lattice.shape, np.float32)
+    asked = nearby & ~interior
+    values[asked] = neural_map.sdf(points[asked.ravel()])
+    surface = zero_crossings_of(values, lattice, nearby)
+    vertices = surface.vertices
+    if settings.only_unseen and len(vertices):
+        vertices = vertices[neural_map.volume.state_at(vertices) == UNKNOWN]
+        vertices = vertices[neural_map.cloud.distance_of(vertices) > settings.seen_m]
+    if len(vertices) == 0:
+        return VariableSurface(vertices, np.zeros(0, np.float32))
+    observed = neural_map.cloud.points
+    stride = max(1, len(observed) // settings.reference_points)
+    scores = neural_map.variability(np.concatenate([vertices, observed[::stride]]))
+    reference = float(np.quantile(scores[len(vertices) :], settings.reference_quantile))
+    variability = scores[: len(vertices)]
+    return VariableSurface(vertices, np.asarray(variability / (variability + max(reference, 1e-12)), np.float32))
+
+
+class ViewPlanner:
+    """Choose where to go and where to look.
+
+    Args:
+        views: Ranges, counts and costs.
+        surface: Which surface is worth looking at.
+        reach: What counts as passable.
+        keep_share: A view under way is kept unless another is better by more than its inverse.
+    """
+
+    def __init__(
+        self,
+        views: ViewSettings | None = None,
+        surface: SurfaceSettings | None = None,
+        reach: ReachSettings | None = None,
+        keep_share: float = 0.8,
+    ) -> None:
+        self.views, self.surface = views or ViewSettings(), surface or SurfaceSettings()
+        self.reach, self.keep_share = reach or ReachSettings(), keep_share
+
+    def plan(
+        self,
+        neural_map: NeuralMap,
+        position_xz: NDArray[np.float64],
+        heading_rad: float,
+        rng: np.random.Generator,
+        *,
+        current: View | None = None,
+        excluded_xz: NDArray[np.float64] | None = None,
+    ) -> View | None:
+        """Plan the next view.
+
+        Args:
+            neural_map: The map.
+            position_xz: (2,) where the agent stands, metres.
+            heading_rad: Where it looks, radians.
+            rng: Draws the surface points that are scored.
+            current: A view under way, kept unless another is clearly better.
+            excluded_xz: (N, 2) places that failed.
+
+        Returns:
+            The view, or None if nothing variable can be seen from any reachable place.
+        """
+        space = reachable_space(neural_map.occupancy, position_xz, self.reach)
+        surface = self._subsample(variable_surface(neural_map, self.surface), rng)
+        if space is None or len(surface.points) == 0:
+            return None
+        positions, distances = self._candidates(space, surface, position_xz, current, excluded_xz)
+        camera_y_m = neural_map.occupancy.floor_y_m + neural_map.camera.sensor_height_m
+        centers = np.insert(positions, 1, camera_y_m, axis=1)
+        visibility = expected_visibility(centers, surface.points, neural_map.volume, self.views)
+        gains = gains_by_heading(
+            centers, surface.points, surface.weights, visibility, neural_map.camera, self.views
+        )
+        costs = view_costs(positions, distances, position_xz, heading_rad, self.views)
+        best, utilities = rank_views(positions, gains, costs, self.views)
+        if best.gain <= 0.0:
+            return None
+        if current is not None and self._still_serves(current, utilities, best):
+            return current
+        return best
+
+    def _subsample(self, surface: VariableSurface, rng: np.random.Generator) -> VariableSurface:
+        """Keep at most `max_points` points."""
+        count = len(surface.points)
+        if count <= self.views.max_points:
+            return surface
+        chosen = rng.choice(count, self.views.max_points, replace=False)
+        return VariableSurface(surface.points[chosen], surface.weights[chosen])
+
+    def _candidates(
+        self,
+        space: ReachableSpace,
+        surface: VariableSurface,
+        position_xz: NDArray[np.float64],
+        current: View | None,
+        excluded_xz: NDArray[np.float64] | None,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Places that promise most if nothing stood in the way, with path costs; the agent's own is last."""
+        cells = np.argwhere(space.reachable)
+        stride = max(1, round(0.4 / space.frame.cell_m))
+        cells = cells[(cells % stride == 0).all(axis=1)]
+        positions = space.frame.centers_of(cells) if len(cells) else np.empty((0, 2))
+        distances = space.cost_m[cells[:, 0], cells[:, 1]]
+        if excluded_xz is not None and len(excluded_xz) and len(positions):
+            gaps = np.linalg.norm(positions[:, None] - excluded_xz[None], axis=2).min(axis=1)
+            positions, distances = positions[gaps > 0.4], distances[gaps > 0.4]
+        promise = self._promise(positions, surface)
+        rate = promise / (distances / 0.065 + self.views.fixed_cost_steps)
+        best = np.argsort(-rate, kind="stable")[: self.views.max_places]
+        own = [position_xz]
+        if current is not None:
+            own.insert(0, current.position_xz)
+        extra = np.array(own)
+        extra_cost = np.array([space.cost_to(place, 0.5) for place in own])
+        extra_cost[-1] = 0.0
+        known = np.isfinite(extra_cost)
+        return (
+            np.concatenate([extra[known], positions[best]]),
+            np.concatenate([extra_cost[known], distances[best]]),
+        )
+
+    def _promise(self, positions: NDArray[np.float64], surface: VariableSurface) -> NDArray[np.float64]:
+        """Weight of the surface within range of each place."""
+        offsets = surface.points[None][..., [0, 2]] - positions[:, None].astype(np.float32)
+        near = (offsets**2).sum(axis=2) < self.views.max_range_m**2
+        return np.asarray(near @ surface.weights, np.float64)
+
+    def _still_serves(self, current: View, utilities: NDArray[np.float64], best: View) -> bool:
+        """The view under way, which is the first candidate, is nearly as good as the best."""
+        sector = 2.0 * np.pi / self.views.num_headings
+        heading = round(current.heading_rad / sector) % self.views.num_headings
+        return bool(utilities[0, heading] >= self.keep_share * best.utility)

@@ -1,0 +1,184 @@
+"""Where to look from: views of variable surface weighed against the steps that they cost (ours).
+
+The paper goes to one cluster of variable surface. Here every traversable place is a candidate; its
+gain is the variable surface that it would show, its cost the steps to get there and to turn.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anm_gym.actions import FORWARD_STEP_M, TURN_STEP_DEG
+from anm_gym.geometry import CameraSpec
+from anm_gym.map.volume import OCCUPIED, UNKNOWN, ObservedVolume
+
+
+@dataclass(frozen=True)
+class ViewSettings:
+    """How candidate views are scored (ours)."""
+
+    max_range_m: float = 6.0
+    """Surface farther than this does not count, metres."""
+    min_range_m: float = 0.3
+    """Surface nearer than this does not count, metres."""
+    ray_step_m: float = 0.2
+    """Spacing of the samples that look for an obstacle between view and surface, metres."""
+    surface_slack_m: float = 0.3
+    """The last stretch of a ray in which the surface itself may stand, metres."""
+    unknown_decay_m: float = 1.5
+    """Length of unknown space after which the hope to see a surface drops to 1/e, metres."""
+    max_points: int = 1000
+    """Surface points that are scored."""
+    max_places: int = 120
+    """Places that are scored."""
+    fixed_cost_steps: float = 12.0
+    """Added to each cost, so that a glance close by does not beat a good view, steps."""
+    num_headings: int = 36
+    """Headings of each place."""
+    turn_cost: float = 1.0
+    """Price of a turn in forward steps."""
+
+
+@dataclass(frozen=True)
+class View:
+    """A place and a heading."""
+
+    position_xz: NDArray[np.float64]
+    """(2,) floor point, metres."""
+    heading_rad: float
+    """Where to look, radians."""
+    gain: float
+    """Expected variable surface in view; the unit is that of the points' weights."""
+    cost_steps: float
+    """Steps to get there and to turn."""
+
+    @property
+    def utility(self) -> float:
+        """Gain per step."""
+        return self.gain / max(self.cost_steps, 1e-9)
+
+
+def expected_visibility(
+    places: NDArray[np.float64], points: NDArray[np.float32], volume: ObservedVolume, settings: ViewSettings
+) -> NDArray[np.float32]:
+    """Estimate how likely each point is seen from each place, whatever the heading.
+
+    Args:
+        places: (P, 3) camera centres, metres, world frame.
+        points: (V, 3) surface points, metres, world frame.
+        volume: What rays have passed and hit.
+        settings: Ranges and decay.
+
+    Returns:
+        (P, V) float32 in [0, 1]: 0 out of range or behind an observed obstacle, less than 1 through
+        unknown space.
+    """
+    offsets = points[None] - places[:, None].astype(np.float32)
+    ranges = np.linalg.norm(offsets, axis=2)
+    place, point = np.nonzero((ranges > settings.min_range_m) & (ranges < settings.max_range_m))
+    reach = np.maximum(ranges[place, point] - settings.surface_slack_m, settings.ray_step_m)
+    num_samples = np.ceil(reach / settings.ray_step_m).astype(np.int64)
+    ray = np.repeat(np.arange(len(place)), num_samples)
+    order = np.arange(len(ray)) - np.repeat(np.cumsum(num_samples) - num_samples, num_samples)
+    along = (order * settings.ray_step_m / np.maximum(ranges[place, point], 1e-6)[ray]).astype(np.float32)
+    samples = places[place[ray]].astype(np.float32) + offsets[place[ray], point[ray]] * along[:, None]
+    states = volume.state_at(samples)
+    starts = np.cumsum(num_samples) - num_samples
+    result = np.zeros(ranges.shape, np.float32)
+    if len(starts):
+        blocked = np.add.reduceat(states == OCCUPIED, starts) > 0
+        unknown_m = settings.ray_step_m * np.add.reduceat(states == UNKNOWN, starts)
+        result[place, point] = np.where(blocked, 0.0, np.exp(-unknown_m / settings.unknown_decay_m))
+    return result
+
+
+def gains_by_heading(
+    places: NDArray[np.float64],
+    points: NDArray[np.float32],
+    weights: NDArray[np.float32],
+    visibility: NDArray[np.float32],
+    camera: CameraSpec,
+    settings: ViewSettings,
+) -> NDArray[np.float64]:
+    """Sum the visible weight inside the image for each heading.
+
+    Args:
+        places: (P, 3) camera centres.
+        points: (V, 3) surface points.
+        weights: (V,) worth of each point.
+        visibility: (P, V) from `expected_visibility`.
+        camera: Its field of view bounds the image.
+        settings: Number of headings.
+
+    Returns:
+        (P, H) gains; heading h is ``2 pi h / H`` radians.
+    """
+    offsets = points[None] - places[:, None].astype(np.float32)
+    azimuth = np.arctan2(-offsets[..., 0], -offsets[..., 2])
+    sector = 2.0 * np.pi / settings.num_headings
+    index = np.round(azimuth / sector).astype(np.int64) % settings.num_headings
+    half_vertical = np.tan(np.deg2rad(camera.hfov_deg) / 2.0) * camera.height_px / camera.width_px
+    horizontal = np.hypot(offsets[..., 0], offsets[..., 2])
+    worth = weights * visibility * (np.abs(offsets[..., 1]) < half_vertical * horizontal)
+    flat = np.arange(len(places))[:, None] * settings.num_headings + index
+    histogram = np.bincount(flat.ravel(), worth.ravel(), minlength=len(places) * settings.num_headings)
+    histogram = histogram.reshape(len(places), settings.num_headings)
+    half_sectors = round(np.deg2rad(camera.hfov_deg) / 2.0 / sector)
+    shifts = range(-half_sectors + 1, half_sectors)
+    return np.asarray(sum(np.roll(histogram, shift, axis=1) for shift in shifts))
+
+
+def view_costs(
+    positions_xz: NDArray[np.float64],
+    distances_m: NDArray[np.float64],
+    agent_xz: NDArray[np.float64],
+    agent_heading_rad: float,
+    settings: ViewSettings,
+) -> NDArray[np.float64]:
+    """Estimate the steps to each place and heading.
+
+    Args:
+        positions_xz: (P, 2) floor points.
+        distances_m: (P,) length of the path to each.
+        agent_xz: (2,) where the agent is.
+        agent_heading_rad: Where it looks.
+        settings: Number of headings and the price of a turn.
+
+    Returns:
+        (P, H) steps: forward steps, the turn onto the path and the turn at its end.
+    """
+    delta = positions_xz - agent_xz
+    travel = np.where(
+        distances_m > FORWARD_STEP_M, np.arctan2(-delta[:, 0], -delta[:, 1]), agent_heading_rad
+    )
+    headings = 2.0 * np.pi * np.arange(settings.num_headings) / settings.num_headings
+    turns = np.abs(_wrap(travel - agent_heading_rad))[:, None] + np.abs(_wrap(headings - travel[:, None]))
+    steps = distances_m / FORWARD_STEP_M
+    return np.asarray(steps[:, None] + settings.turn_cost * turns / np.deg2rad(TURN_STEP_DEG))
+
+
+def rank_views(
+    positions_xz: NDArray[np.float64],
+    gains: NDArray[np.float64],
+    costs: NDArray[np.float64],
+    settings: ViewSettings,
+) -> tuple[View, NDArray[np.float64]]:
+    """Choose the view with the highest gain per step.
+
+    Returns:
+        The view, and the (P, H) utilities of all.
+    """
+    utilities = gains / (costs + settings.fixed_cost_steps)
+    place, heading = np.unravel_index(int(utilities.argmax()), utilities.shape)
+    best = View(
+        position_xz=positions_xz[place],
+        heading_rad=float(_wrap(np.array(2.0 * np.pi * heading / settings.num_headings))),
+        gain=float(gains[place, heading]),
+        cost_steps=float(costs[place, heading] + settings.fixed_cost_steps),
+    )
+    return best, utilities
+
+
+def _wrap(angle_rad: NDArray[np.float64]) -> NDArray[np.float64]:
+    return (angle_rad + np.pi) % (2.0 * np.pi) - np.pi

@@ -1,0 +1,1 @@
+"""Wrappers, where an environment meets a map or a source of goals."""

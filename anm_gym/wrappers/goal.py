@@ -1,0 +1,220 @@
+"""The seat of every goal source: an exploration environment becomes a point-goal environment.
+
+The base class decides when a goal has ended; subclasses decide which comes next.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from gymnasium.utils import RecordConstructorArgs
+from numpy.typing import NDArray
+
+from anm_gym.envs.mesh_env import Observation
+from anm_gym.geometry import forward_xz, heading_of, pointgoal, wrap_angle
+from anm_gym.map.occupancy import OccupancyGrid
+from anm_gym.map.reach import ReachSettings, reachable_space
+from anm_gym.stopwatch import Stopwatch
+
+CONTACT_REACH_M = 0.15
+"""How far ahead of the body's centre a contact is remembered, metres."""
+
+
+@dataclass(frozen=True, eq=False)
+class Goal:
+    """A floor point for the navigator."""
+
+    position_xz: NDArray[np.float64]
+    """(2,) floor point, metres, world frame."""
+    heading_rad: float | None
+    """Where to look on arrival, radians; None if it does not matter."""
+    reason: str
+    """Why it was proposed, for reports."""
+
+
+@dataclass(frozen=True)
+class GoalLimits:
+    """When a goal has ended."""
+
+    arrival_m: float = 0.2
+    """Distance at which a goal is reached, metres."""
+    arrival_deg: float = 10.0
+    """Heading error at which a goal with a heading is reached, degrees."""
+    timeout_steps: int = 200
+    """Steps after which a goal is given up."""
+    review_steps: int = 10
+    """Steps between two reviews of a goal that is being approached."""
+
+
+class GoalWrapper(gymnasium.Wrapper[Observation, np.int64, Observation, np.int64], RecordConstructorArgs, ABC):
+    """Turn an exploration environment into a sequence of point goals.
+
+    ## Observation
+    Adds `pointgoal_with_gps_compass`, (2,) float32: distance (m) and bearing (rad, left positive) of
+    the current goal.
+
+    ## Action, reward, episode end
+    Unchanged.
+
+    ## Information
+    Adds `goal_distance_m` (float) and `goals_count` (int).
+
+    ## Needs
+    Observations of `ANM/Explore-v0`. Uses the occupancy grid of a neural map below it, or keeps its own.
+
+    ## Version history
+    - v0: first version.
+    """
+
+    def __init__(self, env: gymnasium.Env[Observation, np.int64], *, limits: GoalLimits, seed: int) -> None:
+        gymnasium.Wrapper.__init__(self, env)
+        goal_space = spaces.Box(
+            np.array([0.0, -np.pi], np.float32), np.array([np.finfo(np.float32).max, np.pi], np.float32)
+        )
+        assert isinstance(env.observation_space, spaces.Dict)
+        self.observation_space = spaces.Dict(
+            {**env.observation_space.spaces, "pointgoal_with_gps_compass": goal_space}
+        )
+        self.limits = limits
+        self.stopwatch = Stopwatch()
+        self.compute_ms = self.stopwatch.compute_ms
+        self.rng = np.random.default_rng(seed)
+        self._seed = seed
+        self._has_neural_map = env.has_wrapper_attr("neural_map")
+        self._grid: OccupancyGrid | None = None
+        self._goal: Goal | None = None
+        self.goals: list[Goal] = []
+        self.failures: list[Goal] = []
+
+    @property
+    def goal(self) -> Goal:
+        """The current goal; an episode always has one."""
+        if self._goal is None:
+            raise gymnasium.error.ResetNeeded("there is no goal yet; call `reset` first")
+        return self._goal
+
+    @property
+    def occupancy(self) -> OccupancyGrid:
+        """What is known of the floor; the navigator plans on it."""
+        if self._has_neural_map:
+            grid = self.env.get_wrapper_attr("neural_map").occupancy
+            assert isinstance(grid, OccupancyGrid)
+            return grid
+        if self._grid is None:
+            raise gymnasium.error.ResetNeeded("there is no map yet; call `reset` first")
+        return self._grid
+
+    @property
+    def position_xz(self) -> NDArray[np.float64]:
+        """(2,) where the agent stands, metres."""
+        return np.asarray(self._pose[[0, 2], 3], np.float64)
+
+    @property
+    def heading_rad(self) -> float:
+        """Where the agent looks, radians."""
+        return heading_of(self._pose)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Begin an episode and propose the first goal."""
+        observation, info = self.env.reset(seed=seed, options=options)
+        self.rng = np.random.default_rng(self._seed if seed is None else [self._seed, seed])
+        self.stopwatch.reset()
+        self._grid, self._goal = None, None
+        self.goals, self.failures = [], []
+        self._look(observation, info)
+        self._begin_episode()
+        self._replace_goal()
+        return self._with_goal(observation, info)
+
+    def step(self, action: np.int64) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Act, update the map, and replace the goal if it has ended."""
+        observation, reward, terminated, truncated, info = self.env.step(action)
+        self._look(observation, info)
+        self._goal_steps += 1
+        if self._has_arrived():
+            self._replace_goal()
+        elif self._goal_steps >= self.limits.timeout_steps:
+            self.report_unreachable("timeout")
+        elif self._goal_steps % self.limits.review_steps == 0:
+            self._review()
+        observation, info = self._with_goal(observation, info)
+        return observation, float(reward), terminated, truncated, info
+
+    def report_unreachable(self, reason: str) -> None:
+        """Give the current goal up and propose another; navigators call this.
+
+        Args:
+            reason: Filed with the goal.
+        """
+        goal = self.goal
+        self.failures.append(Goal(goal.position_xz, goal.heading_rad, reason))
+        self._replace_goal()
+
+    def random_reachable_goal(self) -> Goal:
+        """A uniform reachable cell: what is left when a goal source has nothing to propose."""
+        space = reachable_space(self.occupancy, self.position_xz, ReachSettings(through_unknown=True))
+        if space is None:
+            return Goal(self.position_xz, wrap_angle(self.heading_rad + np.pi), "turn round")
+        cells = np.argwhere(space.reachable)
+        chosen = cells[self.rng.integers(len(cells))]
+        return Goal(space.frame.centers_of(chosen)[0], None, "random")
+
+    @abstractmethod
+    def _begin_episode(self) -> None:
+        """Forget what belongs to the last episode; the first observation has been mapped."""
+
+    @abstractmethod
+    def _propose_goal(self) -> Goal | None:
+        """Choose the next goal; None if there is nothing to choose."""
+
+    @abstractmethod
+    def _review_goal(self, goal: Goal) -> Goal | None:
+        """Look again at a goal under way: return it to keep it, another to change, None to propose."""
+
+    def _look(self, observation: Observation, info: dict[str, Any]) -> None:
+        self._pose = observation["world_from_camera"].astype(np.float64)
+        with self.stopwatch("occupancy"):
+            if not self._has_neural_map:
+                camera = self.get_wrapper_attr("camera")
+                if self._grid is None:
+                    self._grid = OccupancyGrid(floor_y_m=float(self._pose[1, 3]) - camera.sensor_height_m)
+                self._grid.integrate(observation["depth"], camera, self._pose)
+            if info["collided"]:
+                ahead = self.position_xz + CONTACT_REACH_M * forward_xz(self.heading_rad)
+                self.occupancy.mark_blocked(ahead)
+
+    def _has_arrived(self) -> bool:
+        goal = self.goal
+        if np.linalg.norm(goal.position_xz - self.position_xz) > self.limits.arrival_m:
+            return False
+        if goal.heading_rad is None:
+            return True
+        error = abs(wrap_angle(goal.heading_rad - self.heading_rad))
+        return error <= np.deg2rad(self.limits.arrival_deg)
+
+    def _review(self) -> None:
+        with self.stopwatch("goal"):
+            reviewed = self._review_goal(self.goal)
+        if reviewed is None:
+            self._replace_goal()
+        elif reviewed is not self.goal:
+            self._set_goal(reviewed)
+
+    def _replace_goal(self) -> None:
+        with self.stopwatch("goal"):
+            proposed = self._propose_goal()
+            self._set_goal(self.random_reachable_goal() if proposed is None else proposed)
+
+    def _set_goal(self, goal: Goal) -> None:
+        self._goal, self._goal_steps = goal, 0
+        self.goals.append(goal)
+
+    def _with_goal(self, observation: Observation, info: dict[str, Any]) -> tuple[Observation, dict[str, Any]]:
+        polar = pointgoal(self.position_xz, self.heading_rad, self.goal.position_xz)
+        added = {"goal_distance_m": float(polar[0]), "goals_count": len(self.goals)}
+        return {**observation, "pointgoal_with_gps_compass": polar}, {**info, **added}
