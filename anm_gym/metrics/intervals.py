@@ -1,0 +1,76 @@
+"""Means with their confidence intervals, and paired differences between two agents."""
+
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import stats
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A mean and half the width of its confidence interval."""
+
+    mean: float
+    """Mean of the values; not a number without any."""
+    half_width: float
+    """Half the width of the interval; not a number for fewer than two values."""
+    count: int
+    """Number of values."""
+
+    @property
+    def low(self) -> float:
+        """Lower end."""
+        return self.mean - self.half_width
+
+    @property
+    def high(self) -> float:
+        """Upper end."""
+        return self.mean + self.half_width
+
+
+def mean_interval(values: ArrayLike, confidence: float = 0.95) -> Interval:
+    """Estimate a mean with Student's t interval; values that are not finite are left out.
+
+    Args:
+        values: Any number of independent values.
+        confidence: Coverage of the interval, between 0 and 1.
+
+    Returns:
+        The interval.
+
+    Raises:
+        ValueError: If `confidence` is not between 0 and 1.
+
+    Example:
+        >>> interval = mean_interval([1.0, 2.0, 3.0])
+        >>> round(interval.mean, 2), round(interval.half_width, 2)
+        (2.0, 2.48)
+    """
+    if not 0.0 < confidence < 1.0:
+        raise ValueError(f"`confidence` must be between 0 and 1, got {confidence}")
+    finite = np.asarray(values, np.float64).ravel()
+    finite = finite[np.isfinite(finite)]
+    count = len(finite)
+    if count < 2:
+        return Interval(float(finite[0]) if count else float("nan"), float("nan"), count)
+    quantile = float(stats.t.ppf(0.5 + confidence / 2.0, count - 1))
+    return Interval(float(finite.mean()), quantile * float(finite.std(ddof=1)) / np.sqrt(count), count)
+
+
+def paired_difference(
+    first: Mapping[Hashable, float], second: Mapping[Hashable, float], confidence: float = 0.95
+) -> Interval:
+    """Estimate how much higher the first agent's values are, pair by pair.
+
+    Args:
+        first: Values by what makes a pair, as (scene, seed).
+        second: Values of the other agent; keys that only one has are left out.
+        confidence: Coverage of the interval.
+
+    Returns:
+        Interval of the mean difference first - second.
+    """
+    shared = [key for key in first if key in second]
+    return mean_interval([first[key] - second[key] for key in shared], confidence)

@@ -1,0 +1,172 @@
+"""Evaluation: what is run, what is not run again, what is written."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from train.evaluate import ROWS_FILE, Evaluation, evaluate, main
+from train.results import append_row, read_rows
+
+ROOT = Path(__file__).parents[2]
+TINY_CAMERA = '{"camera": {"width_px": 32, "height_px": 32}}'
+
+
+@pytest.fixture
+def played():
+    return []
+
+
+@pytest.fixture
+def play(played):
+    """Stands in for an episode; the row tells its job only."""
+
+    def fake(job):
+        played.append(job.key)
+        return job.identity | {"settings_hash": "h", "comp_pct": 10.0 * job.seed, "wall_s": 0.0}
+
+    return fake
+
+
+def make_evaluation(tmp_path, **changes):
+    return Evaluation(
+        **{"agents": ["random", "fbe"], "scenes": ["a.glb", "home:flat:1"], "out": tmp_path} | changes
+    )
+
+
+def test_every_combination_is_run_once(tmp_path, play, played):
+    rows = evaluate(make_evaluation(tmp_path), workers=0, play=play)
+    assert len(set(played)) == len(played) == len(rows) == 12
+    assert {row["scene"] for row in rows} == {"a", "home:flat:1"}
+
+
+def test_scenes_are_run_one_after_the_other(tmp_path, play, played):
+    evaluate(make_evaluation(tmp_path), workers=0, play=play)
+    scenes = [key[2] for key in played]
+    assert scenes == sorted(scenes)
+
+
+def test_episodes_with_a_row_are_not_run_again(tmp_path, play, played):
+    first = evaluate(make_evaluation(tmp_path, seeds=(0, 1)), workers=0, play=play)
+    played.clear()
+    rows = evaluate(make_evaluation(tmp_path, seeds=(0, 1, 2)), workers=0, play=play)
+    assert {key[3] for key in played} == {2}
+    assert [row for row in rows if row["seed"] < 2] == first
+
+
+def test_another_budget_or_camera_is_another_episode(tmp_path, play, played):
+    evaluate(make_evaluation(tmp_path), workers=0, play=play)
+    evaluate(make_evaluation(tmp_path, steps=5), workers=0, play=play)
+    evaluate(make_evaluation(tmp_path, env_options={"camera": {"width_px": 64}}), workers=0, play=play)
+    assert len(set(played)) == 36
+
+
+def test_torn_row_and_failed_episode_are_run_again(tmp_path, play, played):
+    evaluation = make_evaluation(tmp_path, agents=["random"], scenes=["a.glb"])
+    good, bad, torn = evaluation.jobs()
+    append_row(tmp_path / ROWS_FILE, good.identity | {"comp_pct": 1.0})
+    append_row(tmp_path / ROWS_FILE, bad.identity | {"error": "MapError: no"})
+    with (tmp_path / ROWS_FILE).open("a") as file:
+        file.write(json.dumps(torn.identity)[:-3])
+    rows = evaluate(evaluation, workers=0, play=play)
+    assert played == [bad.key, torn.key]
+    assert [row["comp_pct"] for row in rows] == [1.0, 10.0, 20.0]
+
+
+@pytest.mark.slow
+def test_killed_run_goes_on_where_it_was(tmp_path):
+    """The process group dies by SIGKILL in the middle; the second run adds exactly what is missing."""
+    script = tmp_path / "run.py"
+    script.write_text(
+        "import sys, time\n"
+        "from pathlib import Path\n"
+        "from train.evaluate import Evaluation, evaluate\n"
+        "def play(job):\n"
+        "    time.sleep(0.4)\n"
+        "    return job.identity | {'comp_pct': 1.0, 'run': sys.argv[1]}\n"
+        f"run = Evaluation(['random'], ['home:flat:1'], tuple(range(6)), 9, Path({str(tmp_path)!r}))\n"
+        "if __name__ == '__main__':\n"
+        "    evaluate(run, workers=1, play=play)\n"
+    )
+    command = [sys.executable, str(script)]
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    first = subprocess.Popen(
+        [*command, "1"], env=environment, start_new_session=True, stderr=subprocess.DEVNULL
+    )
+    _wait_for_rows(tmp_path / ROWS_FILE, 2)
+    os.killpg(first.pid, signal.SIGKILL)
+    first.wait()
+    before = read_rows(tmp_path / ROWS_FILE)
+    subprocess.run([*command, "2"], env=environment, check=True, stderr=subprocess.DEVNULL)
+    after = read_rows(tmp_path / ROWS_FILE)
+    assert after[: len(before)] == before
+    assert 2 <= len(before) < 6
+    assert sorted(row["seed"] for row in after) == [0, 1, 2, 3, 4, 5]
+    assert [row["run"] for row in after] == ["1"] * len(before) + ["2"] * (6 - len(before))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"agents": []}, "`agents`, `scenes` and `seeds` must each name at least one"),
+        ({"steps": 0}, "`steps` must be >= 1, got 0"),
+        ({"scenes": ["x/a.glb", "y/a.ply"]}, "`scenes` must have different names in the rows, got a, a"),
+        ({"agents": ["fbe", "fbe"]}, "`agents` must differ"),
+    ],
+)
+def test_wrong_evaluation_is_refused(tmp_path, changes, message):
+    with pytest.raises(ValueError, match=message):
+        make_evaluation(tmp_path, **changes)
+
+
+def run_tiny(out, *options):
+    scene = ["--scenes", "home:studio:1", "--steps", "8", "--seeds", "2", "--env", TINY_CAMERA]
+    main([*scene, "--agents", "random,fbe", "--out", str(out), *options])
+
+
+def test_command_writes_rows_table_and_a_self_contained_report(tmp_path, capsys):
+    run_tiny(tmp_path / "run", "--workers", "0", "--json", str(tmp_path / "table.json"))
+    rows = read_rows(tmp_path / "run" / ROWS_FILE)
+    assert len(rows) == 4
+    assert not any(row.get("error") for row in rows)
+    assert json.loads((tmp_path / "table.json").read_text())["agents"][0]["episodes"] == 2
+    assert "fbe:strong" in capsys.readouterr().out
+    report = (tmp_path / "run" / "report.html").read_text()
+    sources = re.findall(r"""(?:src|href)\s*=\s*["']([^"']*)""", report)
+    assert len(sources) == 5
+    assert all(source.startswith("data:image/png;base64,") for source in sources)
+    assert not re.search(r"https?://", report)
+
+
+def test_number_of_workers_changes_no_row(tmp_path):
+    for workers in ("1", "2"):
+        run_tiny(tmp_path / workers, "--workers", workers, "--no-pictures")
+    one, two = (_untimed(read_rows(tmp_path / workers / ROWS_FILE)) for workers in ("1", "2"))
+    assert one == two
+
+
+def test_agent_that_fails_does_not_end_the_run(tmp_path):
+    evaluation = make_evaluation(tmp_path, agents=["random"], scenes=["none.glb"], seeds=(0,), steps=5)
+    (row,) = evaluate(evaluation, workers=0)
+    assert row["error"].startswith("SceneError: ")
+    assert row["comp_pct"] is None
+
+
+def _wait_for_rows(path, count):
+    for _ in range(300):
+        if len(read_rows(path)) >= count:
+            return
+        time.sleep(0.1)
+    raise AssertionError(f"no {count} rows in 30 s")
+
+
+def _untimed(rows):
+    times = ("cpu_ms", "wall_s")
+    plain = [{key: value for key, value in row.items() if key not in times} for row in rows]
+    return sorted(plain, key=lambda row: (row["agent"], row["seed"]))

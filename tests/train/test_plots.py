@@ -1,0 +1,51 @@
+"""Curves: staircases, bands, and that a picture comes out."""
+
+import math
+
+import numpy as np
+import pytest
+
+from train.plots import Curve, completion_figure, mean_band
+
+
+def test_curve_is_a_staircase_held_after_its_end():
+    curve = Curve(np.array([0.0, 1.0, 1.0, 2.0]), np.array([0.0, 5.0, 6.0, 9.0]))
+    np.testing.assert_array_equal(curve.at([-1.0, 0.5, 1.0, 1.9, 2.0, 50.0]), [0.0, 0.0, 6.0, 6.0, 9.0, 9.0])
+
+
+def test_band_of_two_curves_matches_the_t_distribution():
+    x = np.array([0.0, 1.0])
+    band = mean_band([Curve(x, np.array([0.0, 4.0])), Curve(x, np.array([2.0, 4.0]))], x)
+    np.testing.assert_array_equal(band.mean, [1.0, 4.0])
+    np.testing.assert_allclose(band.high - band.mean, [12.706204736432095, 0.0])
+    np.testing.assert_allclose(band.low + band.high, 2.0 * band.mean)
+
+
+def test_single_curve_has_no_band():
+    x = np.array([0.0, 1.0])
+    assert np.isnan(mean_band([Curve(x, x)], x).low).all()
+
+
+def test_figure_is_drawn_without_a_display(tmp_path):
+    x = np.linspace(0.0, 10.0, 11)
+    curves = {"fbe": [Curve(x, 5.0 * x), Curve(x, 6.0 * x)], "anm:best": [Curve(x, 6.1 * x)]}
+    path = completion_figure(curves, curves, 10, tmp_path / "sub" / "curves.png")
+    assert path.read_bytes().startswith(b"\x89PNG")
+
+
+def test_names_at_the_ends_of_equal_curves_do_not_overlap():
+    from train.plots import figure, plot_curves
+
+    _, (axes, _) = figure(2)
+    x = np.linspace(0.0, 10.0, 11)
+    plot_curves(axes, {name: [Curve(x, 5.0 * x)] for name in "abc"}, 10.0, "steps", "y")
+    heights = sorted(text.xyann[1] for text in axes.texts)
+    assert np.diff(heights).min() > 0.05 * axes.get_ylim()[1]
+    assert not math.isnan(heights[0])
+
+
+@pytest.mark.parametrize("num_agents", [1, 9])
+def test_any_number_of_agents_gets_colours(tmp_path, num_agents):
+    x = np.array([0.0, 1.0])
+    curves = {f"agent{i}": [Curve(x, x)] for i in range(num_agents)}
+    assert completion_figure(curves, curves, 1, tmp_path / "curves.png").exists()

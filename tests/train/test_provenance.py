@@ -1,0 +1,60 @@
+"""Settings have one name: equal settings, equal hash; seeds and scenes are no settings."""
+
+import dataclasses
+
+import gymnasium as gym
+import numpy as np
+
+from train.provenance import digest, effective_settings, versions
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    rate: float = 0.1
+    layers: tuple[int, ...] = (4, 4)
+
+
+class BareEnv(gym.Env):
+    observation_space = gym.spaces.Box(0, 1, (1,), np.float32)
+    action_space = gym.spaces.Discrete(2)
+
+
+class MapWrapper(gym.Wrapper, gym.utils.RecordConstructorArgs):
+    def __init__(self, env, settings=None, seed=0, reach_m=1.0):
+        gym.utils.RecordConstructorArgs.__init__(self, settings=settings, seed=seed, reach_m=reach_m)
+        gym.Wrapper.__init__(self, env)
+        self.settings = settings or Settings()
+
+
+class Policy:
+    pass
+
+
+def test_settings_of_every_layer_are_collected():
+    settings = effective_settings(MapWrapper(BareEnv(), reach_m=2.0), Policy())
+    assert settings == {"MapWrapper": {"settings": {"rate": 0.1, "layers": [4, 4]}, "reach_m": 2.0}}
+
+
+def test_default_settings_and_the_same_settings_spelled_out_are_equal():
+    implicit, explicit = MapWrapper(BareEnv()), MapWrapper(BareEnv(), settings=Settings())
+    assert digest(effective_settings(implicit, Policy())) == digest(effective_settings(explicit, Policy()))
+
+
+def test_seed_is_no_setting():
+    first, second = (effective_settings(MapWrapper(BareEnv(), seed=seed), Policy()) for seed in (0, 1))
+    assert digest(first) == digest(second)
+
+
+def test_any_changed_number_changes_the_hash():
+    first, second = (
+        effective_settings(MapWrapper(BareEnv(), Settings(rate)), Policy()) for rate in (0.1, 0.1000001)
+    )
+    assert digest(first) != digest(second)
+
+
+def test_hash_does_not_depend_on_the_order_of_keys():
+    assert digest({"a": 1, "b": (2.0, None)}) == digest({"b": [2.0, None], "a": 1})
+
+
+def test_versions_name_what_makes_the_numbers():
+    assert {"python", "numpy", "gymnasium", "torch"} <= set(versions())

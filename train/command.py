@@ -1,0 +1,54 @@
+"""What the commands share: lists on the command line, episode names, clear ends instead of tracebacks."""
+
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from anm_gym.errors import AnmError
+
+
+def split_list(text: str | Sequence[str]) -> list[str]:
+    """Split a list that may be given with commas, with spaces, or as a YAML list."""
+    parts = [text] if isinstance(text, str) else list(text)
+    return [word for part in parts for word in part.replace(",", " ").split()]
+
+
+def parse_seeds(text: str | int | Sequence[str | int]) -> list[int]:
+    """Read the seeds: one number N means 0 to N - 1, several numbers are the seeds themselves.
+
+    Args:
+        text: "3", "0,1,2", ["0", "1"]; a comma behind a single number makes it the seed: "7,".
+
+    Raises:
+        ValueError: If a word is not a whole number of at least 0, or none is given.
+    """
+    joined = str(text) if isinstance(text, str | int) else " ".join(map(str, text))
+    words = split_list(joined)
+    if not words or not all(word.isdecimal() for word in words):
+        raise ValueError(f"`seeds` must be a count or whole numbers such as '0,1,2', got {joined!r}")
+    is_count = len(words) == 1 and "," not in joined
+    return list(range(int(words[0]))) if is_count else [int(word) for word in words]
+
+
+def scene_label(spec: str) -> str:
+    """Name a scene in rows and tables: the file's stem, or the procedural name itself."""
+    return Path(spec).stem if Path(spec).suffix else spec
+
+
+def episode_name(agent: str, preset: str, scene: str, seed: int) -> str:
+    """Name the files of an episode, without characters that file systems refuse."""
+    parts = (agent, preset, scene, str(seed))
+    return "_".join("".join(c if c.isalnum() or c in "-." else "-" for c in part) for part in parts if part)
+
+
+def run_command(main: Callable[[], Any]) -> None:
+    """Run a command's body; errors about the world or the arguments end as one line, exit code 2."""
+    try:
+        main()
+    except (AnmError, ValueError, FileNotFoundError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        print("interrupted; the same command goes on where this one stopped", file=sys.stderr)
+        sys.exit(130)

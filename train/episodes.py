@@ -1,0 +1,171 @@
+"""One episode as a pure function of its job: build scene and agent, run, score, leave files, return a row."""
+
+import time
+import traceback
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import gymnasium as gym
+
+from agents.roster import ROSTER, build_agent, parse_agent
+from anm_gym.scenes.scene import Scene
+from train.command import episode_name, scene_label
+from train.pictures import write_topdown
+from train.provenance import digest, effective_settings, versions
+from train.recorder import EpisodeRecorder, Progress, SimulatorClock, find_attribute
+from train.results import ROW_FIELDS, Key, Row, row_key
+from train.runner import EpisodeRecord, run_episode
+from train.scores import make_meter, map_scores, trail_scores
+from train.trajectory import Trajectory
+
+ENV_ID: Final = "anm_gym:ANM/Explore-v0"
+"""The environment under every agent."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """What determines an episode, and where its files go."""
+
+    agent: str
+    """Name in the roster."""
+    preset: str
+    """The agent's preset; empty if it has none."""
+    scene: str
+    """A path or a procedural name."""
+    seed: int
+    """Seed of the start and of the agent."""
+    steps: int
+    """Budget."""
+    out: Path
+    """Folder of the run."""
+    env_options: dict[str, Any] = field(default_factory=dict)
+    """Arguments of the environment besides the scene; part of the protocol."""
+    with_maps: bool = True
+    """Whether to score the neural map of agents that have one."""
+    with_pictures: bool = True
+    """Whether to draw the episode."""
+
+    @property
+    def protocol(self) -> str:
+        """Name of the conditions: environment, and a hash of its arguments if they are not the defaults."""
+        return "explore-v0" + (f"-{digest(self.env_options, 6)}" if self.env_options else "")
+
+    @property
+    def identity(self) -> Row:
+        """The fields of the row that are known before the episode."""
+        return {
+            "agent": self.agent,
+            "scene": scene_label(self.scene),
+            "seed": self.seed,
+            "protocol": self.protocol,
+            "preset": self.preset,
+            "steps": self.steps,
+        }
+
+    @property
+    def key(self) -> Key:
+        """The key of its row."""
+        return row_key(self.identity)
+
+    @property
+    def name(self) -> str:
+        """Stem of its files."""
+        return episode_name(self.agent, self.preset, scene_label(self.scene), self.seed)
+
+
+@dataclass(frozen=True)
+class Episode:
+    """A played job; the environment is still open, with the agent's map as it ended."""
+
+    env: gym.Env
+    """The agent's environment, with its wrappers."""
+    record: EpisodeRecord
+    """Steps, reward, compute."""
+    trajectory: Trajectory
+    """What replays it."""
+    row: Row
+    """Its scores."""
+    settings: dict[str, Any]
+    """Effective settings of the agent."""
+
+
+def split_agent(text: str) -> tuple[str, str]:
+    """Split an agent's spelling into name and preset; the preset is empty where there is only one.
+
+    Raises:
+        ValueError: If the agent or its preset is unknown.
+    """
+    name, preset = parse_agent(text)
+    return name, preset if len(ROSTER[name].presets) > 1 else ""
+
+
+def play(job: Job) -> Row:
+    """Play a job, leave its trajectory and picture; an episode that raises becomes a row with the error.
+
+    Args:
+        job: The episode.
+
+    Returns:
+        Its row, with every field of `ROW_FIELDS`.
+    """
+    start_s = time.perf_counter()
+    row: Row = dict.fromkeys(ROW_FIELDS) | job.identity
+    try:
+        episode = run_job(job)
+        row |= episode.row | _leave_files(job, episode)
+        episode.env.close()
+    except Exception as error:  # noqa: BLE001 - what one agent does must not end the others' run
+        row |= {"error": f"{type(error).__name__}: {error}", "traceback": traceback.format_exc(limit=-6)}
+    return row | {"wall_s": round(time.perf_counter() - start_s, 3), "versions": versions()}
+
+
+def run_job(job: Job, progress: Progress | None = None) -> Episode:
+    """Build what a job needs, run its episode and score it.
+
+    Args:
+        job: The episode.
+        progress: Told after each step.
+
+    Returns:
+        The episode, with its environment open.
+    """
+    env = make_env(job.scene, job.steps, job.env_options)
+    agent = build_agent(f"{job.agent}:{job.preset}", env, job.seed)
+    recorder = EpisodeRecorder(make_meter(env), agent.policy, progress)
+    record = run_episode(agent.env, agent.policy, job.seed, recorder)
+    trajectory = recorder.trajectory(job.scene, job.seed, job.env_options)
+    settings = effective_settings(agent.env, agent.policy)
+    neural_map = find_attribute(agent.env, "neural_map") if job.with_maps else None
+    row = {
+        **job.identity,
+        "settings_hash": digest(settings),
+        "steps_done": record.steps,
+        "scene_hash": trajectory.scene_hash,
+        **record.scores,
+        **trail_scores(recorder.meter, trajectory, job.steps),
+        **(map_scores(neural_map, scene_of(env)) if neural_map is not None else {}),
+    }
+    return Episode(agent.env, record, trajectory, row, settings)
+
+
+def make_env(scene: str, steps: int, env_options: dict[str, Any]) -> gym.Env:
+    """Make the exploration environment with a step limit."""
+    return SimulatorClock(gym.make(ENV_ID, max_episode_steps=steps, scene=scene, **env_options))
+
+
+def scene_of(env: gym.Env) -> Scene:
+    """Get the scene that an environment plays in."""
+    scene = env.get_wrapper_attr("scene")
+    assert isinstance(scene, Scene)
+    return scene
+
+
+def _leave_files(job: Job, episode: Episode) -> Row:
+    trajectory = Path("episodes") / f"{job.name}.npz"
+    episode.trajectory.save(job.out / trajectory)
+    if not job.with_pictures:
+        return {"trajectory": str(trajectory)}
+    picture = Path("pictures") / f"{job.name}.png"
+    write_topdown(job.out / picture, episode.env, episode.trajectory)
+    return {"trajectory": str(trajectory), "pictures": {"topdown": str(picture)}}

@@ -1,0 +1,163 @@
+"""Explore one scene and leave all there is to see: surface, map, trajectory, pictures, report.
+
+Command: ``python -m train.explore --scene house.glb --agent anm:best --out runs/house``.
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jsonargparse import auto_cli
+from tqdm import tqdm
+
+from anm_gym.mesh import TriangleMesh
+from train import html
+from train.command import run_command, scene_label
+from train.episodes import Episode, Job, run_job, scene_of, split_agent
+from train.html import Section
+from train.pictures import save_picture, write_montage, write_topdown
+from train.plots import Curve, completion_figure
+from train.pool import prepare_worker
+from train.provenance import versions
+from train.reconstruction import CUT_ABOVE_FLOOR_M, dollhouse_picture, save_ply
+from train.recorder import Progress, find_attribute
+from train.results import Row
+from train.tables import MEASURES, OFFICIAL_MEASURES, agent_name, value_of
+
+
+def explore(
+    scene: str,
+    agent: str = "anm:best",
+    steps: int = 1000,
+    seed: int = 0,
+    out: Path | None = None,
+    env: dict[str, Any] | None = None,
+) -> Row:
+    """Explore a scene with one agent and leave mesh, map, trajectory, pictures and a report.
+
+    Args:
+        scene: A mesh, a floor plan or a procedural name such as home:flat:1.
+        agent: An agent of the roster, such as fbe or anm:paper.
+        steps: Budget of the episode.
+        seed: Seed of the start and of the agent.
+        out: Folder of the results; runs/explore-<scene> if not given.
+        env: Arguments of the environment, such as a camera.
+
+    Returns:
+        The episode's row.
+    """
+    folder = out or Path("runs") / f"explore-{scene_label(scene).replace(':', '-')}"
+    prepare_worker()
+    job = Job(*split_agent(agent), scene, seed, steps, folder, env or {})
+    with tqdm(total=steps, unit="step", delay=1.0) as bar:
+        episode = run_job(job, _progress(bar))
+    episode.trajectory.save(folder / "trajectory.npz")
+    _write_settings(job, episode)
+    surface = _write_map(job, episode)
+    pictures = _write_pictures(job, episode, surface)
+    _write_report(job, episode, pictures)
+    episode.env.close()
+    return episode.row | {"report": str(folder / "report.html")}
+
+
+def summary(row: Row) -> list[tuple[str, str]]:
+    """List the measures that the row has, as heading and value."""
+    name = agent_name(row["agent"], row["preset"])
+    pairs = [
+        ("agent", name),
+        ("scene", row["scene"]),
+        ("seed", str(row["seed"])),
+        ("steps", str(row["steps_done"])),
+    ]
+    for measure in MEASURES + OFFICIAL_MEASURES:
+        value = value_of(row, measure.key)
+        if not np.isnan(value):
+            pairs.append((measure.heading, f"{value:.{measure.digits}f}"))
+    return pairs
+
+
+def main() -> None:
+    """Run the command and print a short table."""
+    row = auto_cli(explore, as_positional=False)
+    for heading, value in summary(row):
+        print(f"{heading:<22}{value:>14}")
+    print(f"report: {row['report']}")
+
+
+def _progress(bar: "tqdm[Any]") -> Progress:
+    def show(comp_pct: float) -> None:
+        bar.set_postfix_str(f"completion {comp_pct:.1f} %", refresh=False)
+        bar.update()
+
+    return show
+
+
+def _write_settings(job: Job, episode: Episode) -> None:
+    content = {**job.identity, "scene": job.scene, "env": job.env_options}
+    content |= {
+        "settings_hash": episode.row["settings_hash"],
+        "settings": episode.settings,
+        "versions": versions(),
+    }
+    (job.out / "settings.json").write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    (job.out / "row.json").write_text(json.dumps(episode.row, indent=2) + "\n", encoding="utf-8")
+
+
+def _write_map(job: Job, episode: Episode) -> TriangleMesh | None:
+    """Save the neural map and its surface; None for an agent without a map or a map without a surface."""
+    neural_map = find_attribute(episode.env, "neural_map")
+    if neural_map is None:
+        return None
+    neural_map.save(job.out / "map.safetensors")
+    surface = neural_map.mesh()
+    if len(surface.faces) == 0:
+        return None
+    mesh = TriangleMesh(np.asarray(surface.vertices, np.float64), np.asarray(surface.faces, np.int32))
+    save_ply(job.out / "reconstruction.ply", mesh)
+    return mesh
+
+
+def _write_pictures(job: Job, episode: Episode, surface: TriangleMesh | None) -> dict[str, Path]:
+    """Draw the episode.
+
+    Returns:
+        Paths by caption.
+    """
+    out, scene, trajectory = job.out, scene_of(episode.env), episode.trajectory
+    cut_y_m = scene.floor_y_m + CUT_ABOVE_FLOOR_M
+    y = trajectory.curves["comp_pct"]
+    name = agent_name(job.agent, job.preset)
+    steps, metres = Curve(np.arange(len(y), dtype=np.float64), y), Curve(trajectory.path_m, y)
+    result = {
+        "Seen from above, the trail from dark to bright": write_topdown(
+            out / "topdown.png", episode.env, trajectory
+        ),
+        "Completion over steps and metres": completion_figure(
+            {name: [steps]}, {name: [metres]}, job.steps, out / "completion.png"
+        ),
+        "Depth on the way": write_montage(out / "depth.png", episode.env, trajectory),
+        "The scene itself": save_picture(out / "scene.png", dollhouse_picture(scene.storey_mesh, cut_y_m)),
+    }
+    if surface is not None:
+        picture = save_picture(out / "reconstruction.png", dollhouse_picture(surface, cut_y_m))
+        result = {"Reconstructed surface, coloured by height": picture} | result
+    return result
+
+
+def _write_report(job: Job, episode: Episode, pictures: dict[str, Path]) -> Path:
+    settings = [(name, json.dumps(values)) for name, values in episode.settings.items()]
+    cpu = [(module, f"{value:.2f} ms per step") for module, value in episode.row["cpu_ms"].items()]
+    sections = [
+        Section("Result", html.definitions(summary(episode.row))),
+        *(Section(caption, html.image(path, path.name)) for caption, path in pictures.items()),
+        Section("CPU time", html.definitions(cpu)),
+        Section("Settings", html.definitions([*settings, *versions().items()])),
+    ]
+    title = f"{agent_name(job.agent, job.preset)} in {scene_label(job.scene)}"
+    subtitle = f"seed {job.seed}, {job.steps} steps; trajectory.npz replays this episode bit for bit"
+    return html.write_page(job.out / "report.html", html.page(title, subtitle, sections))
+
+
+if __name__ == "__main__":
+    run_command(main)

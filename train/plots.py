@@ -1,0 +1,154 @@
+"""Curves over steps and metres, mean and confidence band per agent; the only user of matplotlib here."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from anm_gym.metrics.intervals import mean_interval
+
+PALETTE: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#555555")
+"""Okabe and Ito's colours, told apart by every kind of colour vision."""
+
+MIN_BAND_CURVES: Final = 3
+"""Fewer curves have intervals too wide to be drawn."""
+
+_TEXT: Final = "#333333"
+_GRID: Final = "#e5e5e5"
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """One episode's value over steps or metres, held constant after its end."""
+
+    x: NDArray[np.float64]
+    """(T,) not decreasing."""
+    y: NDArray[np.float64]
+    """(T,)."""
+
+    def at(self, x: ArrayLike) -> NDArray[np.float64]:
+        """Read the curve as a staircase: the last value at or before each `x`."""
+        index = np.searchsorted(self.x, np.asarray(x, np.float64), side="right") - 1
+        return np.asarray(self.y[np.clip(index, 0, len(self.y) - 1)], np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """Mean of several curves with its 95 % confidence band; the band is NaN for a single curve."""
+
+    x: NDArray[np.float64]
+    mean: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+
+
+def mean_band(curves: Sequence[Curve], x: NDArray[np.float64]) -> Band:
+    """Average curves on a common axis, with a pointwise 95 % t-interval.
+
+    Args:
+        curves: At least one curve.
+        x: (K,) common axis.
+
+    Returns:
+        (K,) arrays; without a second curve there is no interval and the band is NaN.
+    """
+    values = np.stack([curve.at(x) for curve in curves])
+    intervals = [mean_interval(column) for column in values.T]
+    mean, low, high = np.array([(each.mean, each.low, each.high) for each in intervals]).T
+    return Band(x, mean, low, high)
+
+
+def plot_curves(
+    axes: Any,
+    groups: Mapping[str, Sequence[Curve]],
+    x_max: float,
+    x_label: str,
+    y_label: str,
+    first: bool = True,
+) -> None:
+    """Draw one labelled line with its band per group into matplotlib axes."""
+    x = np.linspace(0.0, x_max, 201)
+    ends = []
+    for index, (name, curves) in enumerate(groups.items()):
+        color = PALETTE[index % len(PALETTE)]
+        band = mean_band(curves, x)
+        if len(curves) >= MIN_BAND_CURVES:
+            axes.fill_between(x, band.low, band.high, color=color, alpha=0.15, linewidth=0)
+        axes.plot(x, band.mean, color=color, linewidth=2.0)
+        ends.append((float(band.mean[-1]), name, color))
+    axes.set_xlim(0.0, x_max)
+    axes.set_ylim(0.0, min(1.05 * max([1.0, *(float(curve.y.max()) for curve in _all(groups))]), 100.0))
+    _label_ends(axes, ends, x_max)
+    axes.set_xlabel(x_label)
+    if first:
+        axes.set_ylabel(y_label)
+
+
+def figure(columns: int, width_in: float = 9.0, height_in: float = 3.6) -> tuple[Any, list[Any]]:
+    """Make a figure in the house's look: light grid, no box.
+
+    Returns:
+        The figure and its list of axes.
+    """
+    from matplotlib.figure import Figure
+
+    result = Figure(figsize=(width_in, height_in), layout="constrained")
+    axes = [result.add_subplot(1, columns, index + 1) for index in range(columns)]
+    for axis in axes:
+        axis.grid(True, color=_GRID, linewidth=0.8)
+        axis.set_axisbelow(True)
+        axis.spines[["top", "right"]].set_visible(False)
+        axis.tick_params(colors=_TEXT, length=0)
+    return result, axes
+
+
+def completion_figure(
+    over_steps: Mapping[str, Sequence[Curve]],
+    over_metres: Mapping[str, Sequence[Curve]],
+    steps: int,
+    path: Path,
+) -> Path:
+    """Draw completion over steps and over metres, side by side, and save the PNG.
+
+    Args:
+        over_steps: Curves by agent, x in steps.
+        over_metres: Curves by agent, x in metres.
+        steps: Budget of the episodes.
+        path: Where the PNG goes.
+
+    Returns:
+        `path`.
+    """
+    result, (left, right) = figure(2)
+    longest_m = max((float(curve.x[-1]) for curves in over_metres.values() for curve in curves), default=1.0)
+    label = "completion ratio (%), mean and 95 % CI"
+    plot_curves(left, over_steps, float(steps), "steps", label)
+    plot_curves(right, over_metres, max(longest_m, 1e-3), "path length (m)", label, first=False)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    result.savefig(path, dpi=150)
+    return path
+
+
+def _all(groups: Mapping[str, Sequence[Curve]]) -> list[Curve]:
+    return [curve for curves in groups.values() for curve in curves]
+
+
+def _label_ends(axes: Any, ends: Sequence[tuple[float, str, str]], x_max: float) -> None:
+    """Write each group's name at its line's right end, spread so that no two names touch."""
+    spacing = 0.065 * float(np.ptp(axes.get_ylim()))
+    previous = -np.inf
+    for value, name, color in sorted(ends):
+        previous = max(value, previous + spacing)
+        axes.annotate(
+            name,
+            xy=(x_max, value),
+            xytext=(1.01 * x_max, previous),
+            color=color,
+            fontsize=9,
+            fontweight="bold",
+            va="center",
+            annotation_clip=False,
+        )

@@ -1,0 +1,76 @@
+"""Where a row comes from: the effective settings of an agent, their hash, and the versions at work."""
+
+import hashlib
+import json
+import platform
+from collections.abc import Mapping
+from dataclasses import asdict, is_dataclass
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any, Final
+
+import gymnasium as gym
+
+from train.recorder import env_layers
+
+PACKAGES: Final = ("anm-gym", "gymnasium", "numpy", "scipy", "torch", "embreex")
+"""Packages whose version can change a number."""
+
+_NOT_SETTINGS: Final = frozenset(
+    {"env", "seed", "scene", "disable_env_checker", "order_enforce", "render_mode"}
+)
+
+
+def digest(value: Any, digits: int = 12) -> str:
+    """Name a value by hexadecimal digits: equal values, equal names."""
+    text = json.dumps(_plain(value), sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:digits]
+
+
+def effective_settings(env: gym.Env, policy: Any) -> dict[str, Any]:
+    """Collect the settings of every wrapper and of the policy, without seed and scene.
+
+    Args:
+        env: The agent's environment with its wrappers.
+        policy: The agent's policy; its `settings` are taken if it has any.
+
+    Returns:
+        Plain values by class name, outermost wrapper first.
+    """
+    result = {}
+    for layer in env_layers(env):
+        result[type(layer).__name__] = _settings_of(layer)
+    result[type(policy).__name__] = _settings_of(policy)
+    return {name: settings for name, settings in result.items() if settings}
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Versions of Python and of the packages that make the numbers."""
+    return {"python": platform.python_version()} | {name: _version(name) for name in PACKAGES}
+
+
+def _settings_of(owner: Any) -> dict[str, Any]:
+    """Constructor arguments where they are recorded, and the `settings` attribute where there is one."""
+    arguments = dict(getattr(owner, "_saved_kwargs", {}))
+    settings = getattr(owner, "settings", None)
+    if settings is not None:
+        arguments["settings"] = settings
+    return {key: _plain(value) for key, value in arguments.items() if key not in _NOT_SETTINGS}
+
+
+def _plain(value: Any) -> Any:
+    if is_dataclass(value) and not isinstance(value, type):
+        value = asdict(value)
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value if isinstance(value, str | int | float | bool | None) else type(value).__name__
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "unknown"

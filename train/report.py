@@ -1,0 +1,232 @@
+"""The evaluation's report: table, curves, one line and one picture per episode, on one HTML page."""
+
+import math
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from train import html
+from train.html import Cell, Section
+from train.plots import Curve, completion_figure
+from train.results import Row
+from train.tables import (
+    MEASURES,
+    OFFICIAL_MEASURES,
+    ORACLE,
+    AgentLine,
+    Measure,
+    Table,
+    agent_name,
+    columns_of,
+    estimate,
+    format_estimate,
+    group_by_agent,
+    make_table,
+    notes,
+    paired_differences,
+    value_of,
+    with_oracle_share,
+)
+from train.trajectory import Trajectory
+
+CALIBRATION_FILE: Final = "calibration.png"
+"""A picture of this name in the run's folder, with a `calibration.txt` beside it, becomes a section."""
+
+
+def write_report(out: Path, rows: Sequence[Row], title: str) -> Path:
+    """Write `report.html` and `curves.png` into the run's folder.
+
+    Args:
+        out: The run's folder, with `episodes/` and `pictures/` of its episodes.
+        rows: Result rows.
+        title: The page's heading.
+
+    Returns:
+        Path of the page.
+
+    Raises:
+        ValueError: If the rows cannot be compared, see `train.tables.make_table`.
+    """
+    table = make_table(rows)
+    good = [row for row in with_oracle_share(rows) if not row.get("error")]
+    steps, metres = load_curves(out, good)
+    curves = completion_figure(steps, metres, table.steps, out / "curves.png") if good else out / "none"
+    sections = [
+        Section("Comparison", _comparison(table, columns_of(table)) + _table_notes(table)),
+        Section("Paired differences", _differences(table, good)),
+        Section("Completion", html.image(curves, "Completion ratio over steps and over metres travelled.")),
+        Section("By scene", _by_scene(good)),
+        Section("As the released evaluation measures", _comparison(table, _official(table))),
+        Section("CPU time", _compute(good)),
+        Section("Calibration of the neural variability", _calibration(out)),
+        Section("Episodes", _episodes(rows) + _thumbnails(out, good)),
+        Section("Failures", _failures(rows)),
+        Section("Provenance", _provenance(table, rows)),
+    ]
+    subtitle = f"protocol {table.protocol}, {table.steps} steps, {len(good)} episodes"
+    return html.write_page(out / "report.html", html.page(title, subtitle, [s for s in sections if s.body]))
+
+
+def load_curves(out: Path, rows: Sequence[Row]) -> tuple[dict[str, list[Curve]], dict[str, list[Curve]]]:
+    """Read the episodes' completion curves by agent: over steps, and over metres."""
+    steps: dict[str, list[Curve]] = defaultdict(list)
+    metres: dict[str, list[Curve]] = defaultdict(list)
+    for row in rows:
+        path = out / str(row.get("trajectory", ""))
+        if not path.is_file():
+            continue
+        trajectory = Trajectory.load(path)
+        y = trajectory.curves["comp_pct"]
+        name = agent_name(row["agent"], row["preset"])
+        steps[name].append(Curve(np.arange(len(y), dtype=np.float64), y))
+        metres[name].append(Curve(trajectory.path_m, y))
+    return dict(steps), dict(metres)
+
+
+def _comparison(table: Table, measures: Sequence[Measure]) -> str:
+    if not measures:
+        return ""
+    best = {measure.key: _best(table.lines, measure) for measure in measures}
+    headings = ["agent", "episodes", *(measure.heading for measure in measures)]
+    return html.table(headings, [_agent_cells(line, measures, best) for line in table.lines])
+
+
+def _agent_cells(line: AgentLine, measures: Sequence[Measure], best: Mapping[str, float]) -> list[Cell]:
+    cells = [Cell(line.name), Cell(str(line.episodes), line.episodes)]
+    for measure in measures:
+        value = line.estimates.get(measure.key)
+        mean = value.mean if value else None
+        is_best = mean is not None and mean == best[measure.key]
+        cells.append(Cell(format_estimate(value, measure.digits), mean, is_best))
+    return cells
+
+
+def _best(lines: Sequence[AgentLine], measure: Measure) -> float:
+    """Best mean of a measure among the agents that do not know the scene; NaN without a contest."""
+    rivals = [line for line in lines if line.agent != ORACLE and measure.key in line.estimates]
+    means = [line.estimates[measure.key].mean for line in rivals]
+    if measure.is_better_high is None or len(means) < 2:
+        return math.nan
+    return max(means) if measure.is_better_high else min(means)
+
+
+def _official(table: Table) -> list[Measure]:
+    return [measure for measure in columns_of(table, with_official=True) if measure in OFFICIAL_MEASURES]
+
+
+def _table_notes(table: Table) -> str:
+    general = "Mean ± 95 % t-interval over episodes; bold is the best mean. A click on a heading sorts."
+    worst = [
+        f"{line.name} {line.worst_scene} ({line.worst_comp_pct:.1f} %)"
+        for line in table.lines
+        if line.episodes
+    ]
+    sentences = [general, f"Worst scene: {', '.join(worst)}.", *notes(table)]
+    return "".join(map(html.paragraph, sentences))
+
+
+def _by_scene(rows: Sequence[Row]) -> str:
+    groups = {agent_name(*key): group for key, group in group_by_agent(rows).items()}
+    scenes = sorted({row["scene"] for row in rows})
+    body = []
+    for scene in scenes:
+        values = [
+            estimate([value_of(row, "comp_pct") for row in group if row["scene"] == scene])
+            for group in groups.values()
+        ]
+        cells = [Cell(format_estimate(value, 1), value.mean if value else None) for value in values]
+        body.append([Cell(scene), *cells])
+    note = html.paragraph("Completion ratio (%), mean ± 95 % t-interval over seeds.")
+    return html.table(["scene", *groups], body) + note if body else ""
+
+
+def _differences(table: Table, rows: Sequence[Row]) -> str:
+    """Completion of every agent against the best one that does not know the scene."""
+    rivals = [line.name for line in table.lines if line.agent != ORACLE and line.episodes]
+    if len(rivals) < 2:
+        return ""
+    differences = paired_differences(rows, rivals[0])
+    body = [
+        [Cell(name), Cell(format_estimate(value, 1), value.mean), Cell(str(value.count), value.count)]
+        for name, value in differences.items()
+        if value.count
+    ]
+    note = f"Completion ratio minus that of {rivals[0]} from the same start, in percentage points."
+    return html.table(["agent", "difference", "pairs"], body) + html.paragraph(note)
+
+
+def _compute(rows: Sequence[Row]) -> str:
+    groups = {agent_name(*key): group for key, group in group_by_agent(rows).items()}
+    modules = list(dict.fromkeys(module for row in rows for module in row["cpu_ms"] or {}))
+    modules = [module for module in modules if module not in ("other", "total")] + ["other", "total"]
+    body = [
+        [
+            Cell(name),
+            *(_number([value_of(row, f"cpu_ms.{module}") for row in group], 2) for module in modules),
+        ]
+        for name, group in groups.items()
+    ]
+    return html.table(["ms per step", *modules], body) if body else ""
+
+
+def _calibration(out: Path) -> str:
+    text = out / "calibration.txt"
+    note = html.paragraph(text.read_text(encoding="utf-8")) if text.is_file() else ""
+    return html.image(out / CALIBRATION_FILE, "Calibration") + note
+
+
+def _episodes(rows: Sequence[Row]) -> str:
+    measures = [m for m in MEASURES if any(not math.isnan(value_of(row, m.key)) for row in rows)]
+    headings = ["agent", "scene", "seed", *(measure.heading for measure in measures), "wall (s)"]
+    body = []
+    for row in rows:
+        cells = [Cell(agent_name(row["agent"], row["preset"])), Cell(row["scene"])]
+        cells.append(Cell(str(row["seed"]), row["seed"]))
+        cells += [_number([value_of(row, measure.key)], measure.digits) for measure in measures]
+        body.append([*cells, _number([value_of(row, "wall_s")], 0)])
+    return html.table(headings, body)
+
+
+def _thumbnails(out: Path, rows: Sequence[Row]) -> str:
+    images = [
+        html.image(out / picture, _caption(row))
+        for row in rows
+        for picture in (row.get("pictures") or {}).values()
+    ]
+    return html.gallery(images) if any(images) else ""
+
+
+def _caption(row: Row) -> str:
+    name = agent_name(row["agent"], row["preset"])
+    return f"{name}, {row['scene']}, seed {row['seed']}: {value_of(row, 'comp_pct'):.1f} %"
+
+
+def _failures(rows: Sequence[Row]) -> str:
+    failed = [row for row in rows if row.get("error")]
+    body = [
+        [
+            Cell(agent_name(row["agent"], row["preset"])),
+            Cell(row["scene"]),
+            Cell(str(row["seed"])),
+            Cell(row["error"]),
+        ]
+        for row in failed
+    ]
+    return html.table(["agent", "scene", "seed", "error"], body) if body else ""
+
+
+def _provenance(table: Table, rows: Sequence[Row]) -> str:
+    versions: Mapping[str, Any] = rows[-1].get("versions") or {}
+    hashes = [(f"settings of {line.name}", line.settings_hash) for line in table.lines]
+    return html.definitions([*hashes, *((name, str(value)) for name, value in versions.items())])
+
+
+def _number(values: Sequence[float], digits: int) -> Cell:
+    known = [value for value in values if not math.isnan(value)]
+    if not known:
+        return Cell("–")
+    mean = float(np.mean(known))
+    return Cell(f"{mean:.{digits}f}", mean)

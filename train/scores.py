@@ -1,0 +1,80 @@
+"""The measures of an episode, under the names that rows use."""
+
+from typing import Any, Final
+
+import gymnasium as gym
+import numpy as np
+
+from anm_gym.actions import FORWARD_STEP_M
+from anm_gym.metrics.completion import CompletionMeter
+from anm_gym.metrics.curves import auc_over_metres, auc_over_steps
+from anm_gym.metrics.map_accuracy import field_scores, reconstruction_scores
+from anm_gym.metrics.table_cache import load_view_table
+from anm_gym.scenes.scene import Scene
+from train.results import Row
+from train.trajectory import Trajectory
+
+SAMPLE_SEED: Final = 0
+"""Seed of the points at which reconstructions are compared with the truth."""
+
+
+def make_meter(env: gym.Env) -> CompletionMeter:
+    """Make a meter for an episode in the environment's scene.
+
+    Args:
+        env: An exploration environment; which of the surface is visible from reachable positions is looked
+            up in the cache, or worked out once.
+    """
+    mesh = env.get_wrapper_attr("scene").storey_mesh
+    table = load_view_table(mesh, env.get_wrapper_attr("simulator"))
+    return CompletionMeter(mesh, table.visible)
+
+
+def trail_scores(meter: CompletionMeter, trajectory: Trajectory, steps: int) -> Row:
+    """Score where the agent went and what it saw there.
+
+    Args:
+        meter: The meter that observed every frame.
+        trajectory: The episode.
+        steps: The budget; its metres are those of so many forward steps.
+
+    Returns:
+        Completion native and official, its areas over steps and metres, the path and the collisions.
+    """
+    scores, curve = meter.scores(), trajectory.curves["comp_pct"]
+    budget_m = steps * trajectory.env_options.get("forward_step_m", FORWARD_STEP_M)
+    return {
+        "comp_pct": scores.comp_pct,
+        "comp_cm": scores.comp_cm,
+        "comp_visible_pct": scores.comp_visible_pct,
+        "comp_auc": auc_over_steps(curve, steps),
+        "comp_auc_m": auc_over_metres(curve, trajectory.path_m, budget_m),
+        "comp_pct_official": scores.comp_pct_official,
+        "comp_cm_official": scores.comp_cm_official,
+        "path_m": float(trajectory.path_m[-1]),
+        "collisions": int(trajectory.curves["collisions"][-1]),
+    }
+
+
+def map_scores(neural_map: Any, scene: Scene) -> Row:
+    """Score a neural map against the true surface of the storey.
+
+    Args:
+        neural_map: Has `sdf(points)` and `mesh()`, as `NeuralMap` does.
+        scene: The scene that was mapped.
+
+    Returns:
+        Distance of the field at the true surface, and of the reconstruction from it, native and official.
+    """
+    field = field_scores(neural_map.sdf, scene.storey_mesh)
+    surface = neural_map.mesh()
+    rng = np.random.default_rng(SAMPLE_SEED)
+    mesh = reconstruction_scores(surface.vertices, surface.faces, scene.storey_mesh, rng)
+    return {
+        "mad_cm": field.mad_cm,
+        "fpr_pct": mesh.fpr_pct,
+        "acc_cm": mesh.acc_cm,
+        "mad_cm_official": field.mad_official_cm,
+        "fpr_pct_official": mesh.fpr_official_pct,
+        "fpr_pct_official_floor": mesh.fpr_floor_pct,
+    }
