@@ -146,7 +146,7 @@ def cost_to_go(
     found = _search(floor.window(ends, settings.margin_m), position_xz, goal_xz, settings, tolerance_m)
     if found is not None:
         return found
-    corners = floor.frame.centers_of([(0, 0), np.subtract(floor.frame.shape, 1)])
+    corners = floor.frame.centers_of(np.array([(0, 0), np.subtract(floor.frame.shape, 1)]))
     whole = floor.window(np.concatenate([ends, corners]), 0.0)
     return _search(whole, position_xz, goal_xz, settings, tolerance_m)
 

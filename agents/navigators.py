@@ -11,16 +11,18 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.batching import actions_for
 from agents.cost_to_go import CostSettings, CostToGo, Floor, cost_to_go
 from agents.rollouts import RolloutSettings, best_move, turn_towards
-from anm_gym.actions import Action
+from anm_gym.actions import MOVES, Action
 from anm_gym.geometry import wrap_angle
 from anm_gym.stopwatch import Stopwatch
 from anm_gym.wrappers.goal import Goal, GoalWrapper
 
 State = tuple[NDArray[Any], ...] | None
-MAX_REPORTS: Final = 4
-"""Goals reported as unreachable before one action; then the agent turns and looks round."""
+MAX_REPORTS: Final = 2
+"""Goals reported as unreachable before one action; then the move is random, as it is in the released
+code when the learned navigator stops."""
 
 STUCK_M: Final = 0.02
 """A forward step that is shorter than this met an obstacle, metres."""
@@ -42,6 +44,8 @@ class FollowSettings:
     """Steps without coming nearer after which a goal is unreachable."""
     progress_steps: float = 1.0
     """What counts as coming nearer, expected steps."""
+    max_setbacks: int = 8
+    """Times that a way may turn out much longer before the goal counts as unreachable."""
 
 
 class Navigator(ABC):
@@ -51,10 +55,14 @@ class Navigator(ABC):
         env: The environment, with a `GoalWrapper` as its outermost layer.
         costs: What the floor costs.
         settings: When to plan and when to give up.
+        seed: Seeds the random moves of an agent that has nowhere to go.
     """
 
-    def __init__(self, env: GoalWrapper, costs: CostSettings, settings: FollowSettings | None = None) -> None:
+    def __init__(
+        self, env: GoalWrapper, costs: CostSettings, settings: FollowSettings | None = None, seed: int = 0
+    ) -> None:
         self.env, self.costs, self.settings = env, costs, settings or FollowSettings()
+        self._seed = seed
         self.stopwatch = Stopwatch()
         self.compute_ms: Final = self.stopwatch.compute_ms
         self._last: Action | None = None
@@ -62,28 +70,29 @@ class Navigator(ABC):
 
     def predict(
         self,
-        observation: Any,  # noqa: ARG002 - the wrapper knows more
+        observation: Any,
         state: State = None,
         episode_start: NDArray[np.bool_] | None = None,
-        deterministic: bool = True,  # noqa: ARG002 - nothing is random
+        deterministic: bool = True,  # noqa: ARG002 - always as planned
     ) -> tuple[NDArray[np.int64], State]:
         """Choose an action; the signature is Stable-Baselines3's.
 
         Args:
-            observation: The environment's last observation; the wrapper has mapped it already.
+            observation: The environment's last observation; only its shape matters, as the wrapper has mapped
+                it already.
             state: Ignored and handed back.
             episode_start: Whether this is the first step of an episode.
-            deterministic: Ignored: there is nothing random.
+            deterministic: Ignored.
 
         Returns:
-            The action as a () int64 array, and the state.
+            The action as a () or (1,) int64 array, as the observation is shaped, and the state.
         """
         if episode_start is not None and bool(np.any(episode_start)):
             self.stopwatch.reset()
             self._forget()
         self._feel()
         self._last = self._act()
-        return np.array(int(self._last)), state
+        return actions_for(observation, self._last), state
 
     @abstractmethod
     def _floor(self) -> Floor:
@@ -92,6 +101,7 @@ class Navigator(ABC):
     def _forget(self) -> None:
         simulator = self.env.get_wrapper_attr("simulator")
         self._rollouts = RolloutSettings(simulator.forward_step_m, simulator.turn_step_rad)
+        self._rng = np.random.default_rng(self._seed)
         self._last = None
         self._last_xz = np.full(2, np.inf)
         self._blocked_rad: list[float] = []
@@ -101,7 +111,7 @@ class Navigator(ABC):
         """Start afresh for a goal."""
         self._goal = goal
         self._way: CostToGo | None = None
-        self._age_steps = self._idle_steps = 0
+        self._age_steps = self._idle_steps = self._setbacks = 0
         self._expected_steps = self._fewest_steps = np.inf
 
     def _feel(self) -> None:
@@ -122,7 +132,7 @@ class Navigator(ABC):
             if action is not None:
                 return action
             self.env.report_unreachable(problem)
-        return Action.TURN_LEFT
+        return MOVES[self._rng.integers(len(MOVES))]
 
     def _try(self) -> tuple[Action | None, str]:
         """Choose an action towards the goal; None and the reason if it is out of reach."""
@@ -132,7 +142,7 @@ class Navigator(ABC):
         if is_near or at_end:
             return self._align(goal)
         self._idle_steps += 1
-        if self._idle_steps > self.settings.patience_steps:
+        if self._idle_steps > self.settings.patience_steps or self._setbacks > self.settings.max_setbacks:
             return None, "no progress"
         floor = self._floor()
         action = self._follow(floor) if self._way and self._age_steps < self.settings.replan_steps else None
@@ -164,9 +174,16 @@ class Navigator(ABC):
             return None
         self._age_steps += 1
         self._expected_steps = move.remaining_steps
-        if move.remaining_steps < self._fewest_steps - self.settings.progress_steps:
-            self._fewest_steps, self._idle_steps = move.remaining_steps, 0
+        self._judge_progress(move.remaining_steps, is_new=self._age_steps == 1)
         return move.action
+
+    def _judge_progress(self, remaining_steps: float, *, is_new: bool) -> None:
+        """Coming nearer renews the patience; so does a new way that is much longer, but not for ever."""
+        if remaining_steps < self._fewest_steps - self.settings.progress_steps:
+            self._fewest_steps, self._idle_steps = remaining_steps, 0
+        elif is_new and remaining_steps > self._fewest_steps + self.settings.surprise_steps:
+            self._fewest_steps, self._idle_steps = remaining_steps, 0
+            self._setbacks += 1
 
     def _align(self, goal: Goal) -> tuple[Action | None, str]:
         """Turn to the goal's heading; if that is not enough, the goal itself is out of reach."""
@@ -185,8 +202,8 @@ class Navigator(ABC):
 class PlannerNavigator(Navigator):
     """Plan on what has been seen of the floor, with an aversion to the unknown."""
 
-    def __init__(self, env: GoalWrapper, settings: FollowSettings | None = None) -> None:
-        super().__init__(env, CostSettings(), settings)
+    def __init__(self, env: GoalWrapper, settings: FollowSettings | None = None, seed: int = 0) -> None:
+        super().__init__(env, CostSettings(), settings, seed)
 
     def _floor(self) -> Floor:
         grid = self.env.occupancy
@@ -197,25 +214,29 @@ class PlannerNavigator(Navigator):
 class OracleNavigator(Navigator):
     """Plan on the true traversable grid: an upper bound for navigators."""
 
-    def __init__(self, env: GoalWrapper, settings: FollowSettings | None = None) -> None:
+    def __init__(self, env: GoalWrapper, settings: FollowSettings | None = None, seed: int = 0) -> None:
         body = env.get_wrapper_attr("simulator").grid.body
-        super().__init__(env, CostSettings(body.radius_m, unknown_cost=None, escape_m=0.0), settings)
+        super().__init__(env, CostSettings(body.radius_m, unknown_cost=None, escape_m=0.0), settings, seed)
 
     def _floor(self) -> Floor:
         grid = self.env.get_wrapper_attr("simulator").grid
         return Floor(grid.frame, grid.occupied | ~grid.has_floor, np.zeros_like(grid.occupied))
 
 
-NAVIGATORS: Final = {"planner": PlannerNavigator, "oracle": OracleNavigator}
+NAVIGATORS: Final[dict[str, type[PlannerNavigator] | type[OracleNavigator]]] = {
+    "planner": PlannerNavigator,
+    "oracle": OracleNavigator,
+}
 """All navigators."""
 
 
-def make_navigator(name: str, env: gymnasium.Env[Any, Any]) -> Navigator:
+def make_navigator(name: str, env: gymnasium.Env[Any, Any], seed: int = 0) -> Navigator:
     """Build a navigator by name.
 
     Args:
         name: One of `NAVIGATORS`.
         env: An environment whose outermost layer is a `GoalWrapper`.
+        seed: Seeds the random moves of an agent that has nowhere to go.
 
     Raises:
         ValueError: If there is no such navigator.
@@ -225,4 +246,4 @@ def make_navigator(name: str, env: gymnasium.Env[Any, Any]) -> Navigator:
         raise ValueError(f"unknown navigator {name!r}; choose one of: {', '.join(sorted(NAVIGATORS))}")
     if not isinstance(env, GoalWrapper):
         raise TypeError(f"`env` must be wrapped in a GoalWrapper, got {type(env).__name__}")
-    return NAVIGATORS[name](env)
+    return NAVIGATORS[name](env, seed=seed)

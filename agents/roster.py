@@ -71,11 +71,11 @@ def build_agent(text: str, env: Env, seed: int = 0) -> Agent:
     return Agent(name, preset, wrapped, policy)
 
 
-def _random(env: Env, preset: str, seed: int) -> tuple[Env, Any]:
+def _random(env: Env, _preset: str, seed: int) -> tuple[Env, Any]:
     return env, RandomPolicy(seed)
 
 
-def _bump_and_turn(env: Env, preset: str, seed: int) -> tuple[Env, Any]:
+def _bump_and_turn(env: Env, _preset: str, seed: int) -> tuple[Env, Any]:
     return env, BumpAndTurnPolicy(seed)
 
 
@@ -83,7 +83,7 @@ def _fbe(env: Env, preset: str, seed: int) -> tuple[Env, Any]:
     from anm_gym.wrappers.frontier_goal import FrontierGoalWrapper
 
     wrapped = FrontierGoalWrapper(env, preset=preset, seed=seed)
-    return wrapped, make_navigator("planner", wrapped)
+    return wrapped, make_navigator("planner", wrapped, seed)
 
 
 def _anm(env: Env, preset: str, seed: int) -> tuple[Env, Any]:
@@ -92,21 +92,21 @@ def _anm(env: Env, preset: str, seed: int) -> tuple[Env, Any]:
 
     mapped = NeuralMapWrapper(env, preset=preset, seed=seed)
     wrapped = VariabilityGoalWrapper(mapped, preset=preset, seed=seed)
-    return wrapped, make_navigator("planner", wrapped)
+    return wrapped, make_navigator("planner", wrapped, seed)
 
 
-def _oracle_coverage(env: Env, preset: str, seed: int) -> tuple[Env, Any]:
+def _oracle_coverage(env: Env, _preset: str, seed: int) -> tuple[Env, Any]:
     from agents.oracle_coverage import OracleCoverageGoalWrapper
 
     wrapped = OracleCoverageGoalWrapper(env, seed=seed)
-    return wrapped, make_navigator("oracle", wrapped)
+    return wrapped, make_navigator("oracle", wrapped, seed)
 
 
 ROSTER: Final = {
     "random": AgentSpec(("uniform",), _random),
     "bump_and_turn": AgentSpec(("default",), _bump_and_turn),
     "fbe": AgentSpec(("strong", "paper"), _fbe),
-    "anm": AgentSpec(("best", "paper", "released"), _anm),
+    "anm": AgentSpec(("best", "fast", "paper", "released"), _anm),
     "oracle_coverage": AgentSpec(("greedy",), _oracle_coverage),
 }
-"""All agents."""
+"""All agents, from the floor to the upper bound."""

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from jsonargparse import ActionConfigFile, ActionYesNo, ArgumentParser
+from jsonargparse import ActionYesNo, ArgumentParser
 from tqdm import tqdm
 
 from train.command import parse_seeds, run_command, scene_label, split_list
@@ -151,7 +151,7 @@ def _outcome(row: Row) -> str:
 def _parser() -> ArgumentParser:
     parser = ArgumentParser(prog="python -m train.evaluate", description=__doc__.splitlines()[0])
     add = parser.add_argument
-    add("--config", action=ActionConfigFile, help="YAML file with any of these options")
+    add("--config", action="config", help="YAML file with any of these options")
     add("--agents", nargs="+", default=["random", "fbe", "anm"], help="agents, such as fbe or anm:paper")
     add("--scenes", nargs="+", default=["home:flat:1"], help="meshes, floor plans or procedural names")
     add("--seeds", nargs="+", default=["3"], help="a count, or the seeds themselves: 0,1,2")

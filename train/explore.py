@@ -11,6 +11,7 @@ import numpy as np
 from jsonargparse import auto_cli
 from tqdm import tqdm
 
+from anm_gym.map.checkpoint import save_map
 from anm_gym.mesh import TriangleMesh
 from train import html
 from train.command import run_command, scene_label
@@ -109,7 +110,7 @@ def _write_map(job: Job, episode: Episode) -> TriangleMesh | None:
     neural_map = find_attribute(episode.env, "neural_map")
     if neural_map is None:
         return None
-    neural_map.save(job.out / "map.safetensors")
+    save_map(neural_map, job.out / "map.safetensors")
     surface = neural_map.mesh()
     if len(surface.faces) == 0:
         return None

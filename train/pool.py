@@ -14,11 +14,14 @@ IDLE_TIMEOUT_S: Final = 20
 
 
 def prepare_worker() -> None:
-    """Make torch repeatable and fair: one thread, and no slow denormal numbers."""
+    """Hold torch to one thread, for repeatable rows and comparable times.
+
+    Subnormal numbers are flushed by the map itself, where it learns: a flag for the whole process makes
+    scipy's k-d tree recurse without end.
+    """
     import torch
 
     torch.set_num_threads(1)
-    torch.set_flush_denormal(True)
 
 
 def run_jobs(

@@ -51,12 +51,15 @@ def versions() -> dict[str, str]:
 
 
 def _settings_of(owner: Any) -> dict[str, Any]:
-    """Constructor arguments where they are recorded, and the `settings` attribute where there is one."""
+    """Constructor arguments where they are recorded, and public attributes that are frozen dataclasses."""
     arguments = dict(getattr(owner, "_saved_kwargs", {}))
-    settings = getattr(owner, "settings", None)
-    if settings is not None:
-        arguments["settings"] = settings
+    arguments |= {name: value for name, value in vars(owner).items() if _is_settings(name, value)}
     return {key: _plain(value) for key, value in arguments.items() if key not in _NOT_SETTINGS}
+
+
+def _is_settings(name: str, value: Any) -> bool:
+    parameters = getattr(type(value), "__dataclass_params__", None)
+    return not name.startswith("_") and parameters is not None and bool(parameters.frozen)
 
 
 def _plain(value: Any) -> Any:

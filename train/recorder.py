@@ -124,7 +124,8 @@ class EpisodeRecorder(Recorder):
         self._collisions.append(int(info["collisions"]))
         goals = find_attribute(self._env, "goals") or []
         for goal in goals[len(self._goals) :]:
-            self._goals.append((*map(float, goal.position_xz), len(self._actions)))
+            x, z = goal.position_xz
+            self._goals.append((float(x), float(z), len(self._actions)))
         self.meter.observe(observation["depth"], self._camera, observation["world_from_camera"])
         self._mark_s = time.process_time()
 

@@ -25,7 +25,7 @@ class RecordedPolicy:
         """Start at the first action."""
         self._actions = iter(actions.tolist())
 
-    def predict(self, _observation: Any, state: Any = None, **_others: Any) -> tuple[int, Any]:
+    def predict(self, observation: Any, state: Any = None, **_others: Any) -> tuple[int, Any]:  # noqa: ARG002
         """Give the next recorded action."""
         return next(self._actions), state
 
@@ -68,7 +68,7 @@ def replay(trajectory: Trajectory) -> Replay:
     env.close()
     is_equal = again.poses.tobytes() == trajectory.poses.tobytes()
     difference = float(np.abs(again.poses - trajectory.poses).max()) if not is_equal else 0.0
-    return Replay(is_equal, difference, float(again.curves["comp_pct"][-1]))
+    return Replay(is_equal, difference, recorder.meter.comp_pct)
 
 
 def main(trajectory: Path) -> None:

@@ -11,7 +11,7 @@ class Policy(Protocol):
     """Whatever decides: Stable-Baselines3's `predict`, classical agents included."""
 
     def predict(
-        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = False
+        self, observation: Any, state: Any = None, *, episode_start: Any = None, deterministic: bool = False
     ) -> tuple[Any, Any]:
         """Choose an action for an observation and hand back the policy's own state."""
         ...

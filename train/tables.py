@@ -2,7 +2,7 @@
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -170,7 +170,7 @@ def paired_differences(rows: Iterable[Row], reference: str, key: str = "comp_pct
     Returns:
         Mean difference to the reference by agent, with its 95 % t-interval.
     """
-    values = {
+    values: dict[str, dict[Hashable, float]] = {
         agent_name(*names): {
             (row["scene"], row["seed"]): value_of(row, key) for row in group if not row.get("error")
         }

@@ -1,6 +1,6 @@
 """Exploration of an unknown scene."""
 
-from typing import Any, final
+from typing import Any, Final, final
 
 import numpy as np
 from gymnasium import spaces
@@ -8,6 +8,11 @@ from numpy.typing import NDArray
 
 from anm_gym.actions import Action
 from anm_gym.envs.mesh_env import MeshEnv, Observation
+from anm_gym.envs.options import DEFAULT_SCENE, EpisodeOptions, MeshEnvSettings
+from anm_gym.envs.picture import Moment
+from anm_gym.envs.seen_floor import SeenFloor
+
+REWARDS: Final = ("area", "none")
 
 
 @final
@@ -15,14 +20,23 @@ class ExploreEnv(MeshEnv):
     """Explore an unknown indoor mesh with a depth camera.
 
     ## Description
-    An agent stands somewhere on the largest navigable part of a storey. What is to be done with the
-    depth it sees is left to wrappers and agents; the harness scores the surface that was observed.
+    An agent stands somewhere on a storey that it does not know, and has a budget of steps to look
+    around. What it makes of the depth images is left to wrappers and agents: a map, goals, a policy.
+    The agent is a cylinder of 0.1 m radius and 1.5 m height; what is lower than 0.1 m it steps over.
 
     ## Action Space
-    `Discrete(4)`: 0 stop, 1 move forward 6.5 cm, 2 turn left 10 degrees, 3 turn right 10 degrees. A
-    blocked move stops at contact; the agent does not slide.
+    `Discrete(4)`, numbered as in Habitat:
+
+    | number | action | effect by default |
+    |---|---|---|
+    | 0 | stop | ends the episode |
+    | 1 | move forward | 6.5 cm; a blocked move ends at contact, without sliding |
+    | 2 | turn left | 10 degrees |
+    | 3 | turn right | 10 degrees |
 
     ## Observation Space
+    `Dict`:
+
     | key | shape | dtype | range | unit and frame |
     |---|---|---|---|---|
     | `depth` | (H, W, 1) | float32 | [0, max_depth_m] | metres along the optical axis; 0 is empty |
@@ -32,27 +46,41 @@ class ExploreEnv(MeshEnv):
     | `rgb` (only with `rgb=True`) | (H, W, 3) | uint8 | [0, 255] | colour; needs EGL |
 
     ## Rewards
-    0 at every step. Wrap the environment to reward what you want explored.
+    With `reward="area"`, the floor that this step has shown for the first time, in square metres:
+    `r_t = A_t - A_(t-1)`, where `A_t` is the area of the reachable floor that any image up to step t
+    has shown, and what the start shows is free. Only floor on which the body fits and that connects
+    to the start counts, so the rewards add up to less than the navigable area of the storey. It is
+    measured on the true depth, without noise. With `reward="none"` every reward is 0.
 
     ## Starting State
-    A uniform cell of the largest navigable part and a uniform heading, unless `start` is given.
+    The centre of a uniform cell of the largest navigable part of the storey and a uniform heading,
+    unless `start` is given.
 
     ## Episode End
-    Terminated by stop. Truncated after 1000 steps (`max_episode_steps` of `gymnasium.make`).
+    Terminated by stop. Truncated after 1000 steps, unless `gymnasium.make` is given another
+    `max_episode_steps`.
 
     ## Information
-    `collided` (bool), `collisions` (int), `path_length_m` (float), `step` (int).
+    | key | type | meaning |
+    |---|---|---|
+    | `collided` | bool | whether contact cut this step short |
+    | `collisions` | int | how many steps it cut short in this episode |
+    | `path_length_m` | float | distance moved, metres |
+    | `step` | int | steps since the start |
+    | `explored_m2` | float | `A_t`, square metres (only with `reward="area"`) |
 
     ## Arguments
     | name | default | meaning |
     |---|---|---|
     | `scene` | `"home:flat:0"` | path of a mesh or plan, or `home:<tier>:<seed>` |
+    | `reward` | `"area"` | `"area"` or `"none"` |
     | `scene_options` | None | `up_axis`, `unit`, `storey` of a mesh file |
-    | `camera` | None | fields of `anm_gym.geometry.CameraSpec` |
-    | `forward_step_m`, `turn_step_deg` | 0.065, 10 | size of the actions |
+    | `camera` | None | dict of fields of `anm_gym.geometry.CameraSpec` |
+    | `forward_step_m` | 0.065 | length of a forward step, metres |
+    | `turn_step_deg` | 10 | angle of a turn, degrees |
     | `start` | None | (x, z, heading_rad) of every episode |
-    | `noise` | None | fields of `anm_gym.envs.noise.NoiseSpec`; off by default |
-    | `backend`, `device` | `"embree"`, `"cpu"` | what casts the rays |
+    | `noise` | None | dict of fields of `anm_gym.envs.noise.NoiseSpec`; none by default |
+    | `backend`, `device` | `"embree"`, `"cpu"` | what casts the rays; or `"warp"`, `"cuda:0"` |
     | `rgb` | False | observe colour too |
     | `render_mode` | None | `"rgb_array"` or `"depth_array"` |
 
@@ -62,15 +90,45 @@ class ExploreEnv(MeshEnv):
     >>> observation["depth"].shape
     (256, 64, 1)
 
+    `reset` takes the options `scene` and `start`, for one episode:
+
+    >>> x, z = env.unwrapped.simulator.state.position_xz
+    >>> observation, info = env.reset(options={"start": (x, z, 0.0)})
+    >>> env.close()
+
     ## Version History
     - v0: first version.
     """
 
-    def _begin(self) -> None:
-        pass
+    def __init__(
+        self,
+        scene: str = DEFAULT_SCENE,
+        *,
+        reward: str = "area",
+        render_mode: str | None = None,
+        **settings: Any,
+    ) -> None:
+        if reward not in REWARDS:
+            raise ValueError(f"`reward` must be one of {', '.join(REWARDS)}, got {reward!r}")
+        self._seen_floor: SeenFloor | None = None
+        self._is_rewarded = reward == "area"
+        super().__init__(MeshEnvSettings(scene=scene, render_mode=render_mode, **settings))
 
-    def _judge(self, action: Action) -> tuple[float, bool]:
-        return 0.0, action is Action.STOP
+    def _option_names(self) -> tuple[str, ...]:
+        return ("scene", "start")
+
+    def _begin(self, _options: EpisodeOptions, depth_m: NDArray[np.float32]) -> None:
+        self._seen_floor = SeenFloor(self.simulator.grid, self.camera) if self._is_rewarded else None
+        self._look_around(depth_m)
+
+    def _judge(self, action: Action, depth_m: NDArray[np.float32]) -> tuple[float, bool]:
+        return self._look_around(depth_m), action is Action.STOP
+
+    def _look_around(self, depth_m: NDArray[np.float32]) -> float:
+        """Take an image into account and return the area that it adds, square metres."""
+        if self._seen_floor is None:
+            return 0.0
+        return self._seen_floor.look(depth_m, self.simulator.state)
 
     def _task_spaces(self) -> dict[str, spaces.Space[Any]]:
         return {}
@@ -79,7 +137,15 @@ class ExploreEnv(MeshEnv):
         return {}
 
     def _task_info(self) -> dict[str, Any]:
-        return {}
+        return {} if self._seen_floor is None else {"explored_m2": self._seen_floor.area_m2}
 
-    def _goal_xz(self) -> NDArray[np.float64] | None:
-        return None
+    def _moment(self) -> Moment:
+        seen = self._seen_floor
+        captions = {} if seen is None else {"floor seen": f"{100.0 * seen.fraction:.0f} %"}
+        return Moment(
+            simulator=self.simulator,
+            trajectory=self.trajectory,
+            depth_m=self._depth_m,
+            captions={**self._captions(), **captions},
+            is_seen=None if seen is None else seen.is_seen,
+        )

@@ -10,7 +10,7 @@ from anm_gym.errors import EpisodeError
 from anm_gym.sim.geodesic import GridGraph
 from anm_gym.sim.traversable import TraversableGrid
 
-Segment = Callable[[NDArray[np.float64], NDArray[np.float64]], bool]
+LineTest = Callable[[NDArray[np.float64], NDArray[np.float64]], bool]
 
 STRAIGHT_RATIO = 1.1
 """Paths longer than this many times the straight line are never refused (Habitat)."""
@@ -84,7 +84,7 @@ class DistanceToPoint:
         return bool(self._grid.navigable[cells[:, 1], cells[:, 0]].all())
 
 
-def pull_tight(path_xz: NDArray[np.float64], is_free: Segment) -> NDArray[np.float64]:
+def pull_tight(path_xz: NDArray[np.float64], is_free: LineTest) -> NDArray[np.float64]:
     """Leave out points of a path wherever a straight line will do.
 
     Args:
@@ -103,9 +103,7 @@ def pull_tight(path_xz: NDArray[np.float64], is_free: Segment) -> NDArray[np.flo
         hidden = min(here + step, last)
         while hidden - seen > 1:
             middle = (seen + hidden) // 2
-            seen, hidden = (
-                (middle, hidden) if is_free(path_xz[here], path_xz[middle]) else (seen, middle)
-            )
+            seen, hidden = (middle, hidden) if is_free(path_xz[here], path_xz[middle]) else (seen, middle)
         kept.append(seen)
     return path_xz[kept]
 
@@ -150,7 +148,7 @@ def draw_goal(
         if not limits.min_m <= length_m <= limits.max_m:
             continue
         if rng.random() < _acceptance(ratio):
-            return goal_xz
+            return np.asarray(goal_xz)
         if ratio > best_ratio:
             best_xz, best_ratio = goal_xz, ratio
     if best_xz is None:
@@ -158,7 +156,7 @@ def draw_goal(
             f"a goal must lie {limits.min_m} to {limits.max_m} m from the start, got none around x, z = "
             f"{start_xz.tolist()}; lower `min_distance_m` or choose another start"
         )
-    return best_xz
+    return np.asarray(best_xz)
 
 
 def _acceptance(ratio: float) -> float:

@@ -1,64 +1,64 @@
 """What Explore and PointNav share: a scene, an agent in it, and what the agent observes."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from functools import lru_cache
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from anm_gym.actions import FORWARD_STEP_M, TURN_STEP_DEG, Action
-from anm_gym.envs.drawing import draw_status
+from anm_gym.actions import Action
 from anm_gym.envs.noise import NoiseSpec
+from anm_gym.envs.options import EpisodeOptions, MeshEnvSettings, read_numbers
+from anm_gym.envs.picture import Moment, draw_moment
+from anm_gym.envs.shared_scenes import shared_scene
 from anm_gym.errors import EpisodeError
 from anm_gym.geometry import CameraSpec, forward_xz, wrap_angle
-from anm_gym.scenes.catalog import make_scene
 from anm_gym.scenes.scene import Scene
+from anm_gym.sim.motion import Motion
 from anm_gym.sim.simulator import AgentState, Simulator
 
 Observation = dict[str, NDArray[Any]]
-OPTIONS = frozenset({"scene", "start"})
-_FLOAT_MAX = float(np.finfo(np.float32).max)
+UNBOUNDED = float(np.finfo(np.float32).max)
+_LARGEST = 1
 
 
 class MeshEnv(gymnasium.Env[Observation, np.int64], ABC):
-    """An agent with a depth camera on one storey of a mesh; subclasses add the task."""
+    """An agent with a depth camera on one storey of a mesh; subclasses add the task.
 
-    metadata = {"render_modes": ["rgb_array", "depth_array"], "render_fps": 10}  # noqa: RUF012
+    Everything random is drawn from `np_random`, so settings, seed and options decide an episode bit
+    for bit. An environment can be pickled and copied in the middle of an episode: the scene is made
+    again from its name.
 
-    def __init__(
-        self,
-        scene: str = "home:flat:0",
-        *,
-        scene_options: dict[str, Any] | None = None,
-        camera: dict[str, Any] | None = None,
-        forward_step_m: float = FORWARD_STEP_M,
-        turn_step_deg: float = TURN_STEP_DEG,
-        start: Sequence[float] | None = None,
-        noise: dict[str, float] | None = None,
-        backend: str = "embree",
-        device: str = "cpu",
-        rgb: bool = False,
-        render_mode: str | None = None,
-    ) -> None:
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+    Args:
+        settings: The settings that all environments share.
+
+    Raises:
+        ValueError: If a setting is out of its range.
+        SceneError: If the scene cannot be used.
+        BackendError: If the back end that casts the rays is missing.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array", "depth_array"], "render_fps": 15}  # type: ignore[misc]
+
+    def __init__(self, settings: MeshEnvSettings) -> None:
+        if settings.render_mode not in {None, *self.metadata["render_modes"]}:
             raise ValueError(
-                f"`render_mode` must be one of {self.metadata['render_modes']}, got {render_mode!r}"
+                f"`render_mode` must be one of {self.metadata['render_modes']} or None, "
+                f"got {settings.render_mode!r}"
             )
-        self.render_mode = render_mode
-        self.camera = CameraSpec(**(camera or {}))
-        self._noise = NoiseSpec(**(noise or {}))
-        self._start, self._rgb = start, rgb
-        self._scene_options = dict(scene_options or {})
-        self._motion = {"forward_step_m": forward_step_m, "turn_step_deg": turn_step_deg}
-        self._backend = {"backend": backend, "device": device}
-        self._bind(scene)
+        self.settings = settings
+        self.render_mode = settings.render_mode
+        self.camera = CameraSpec(**(settings.camera or {}))
+        self.noise = NoiseSpec(**(settings.noise or {}))
+        self._start = read_numbers("start", settings.start, ("x", "z", "heading_rad"))
+        self._bind(settings.scene)
         self.action_space = spaces.Discrete(len(Action))
-        self.observation_space = spaces.Dict(self._spaces())
+        self.observation_space = spaces.Dict(self._shared_spaces() | self._task_spaces())  # type: ignore[assignment]
         self.trajectory: list[AgentState] = []
+        """Where the agent has been since `reset`; one more than there were steps."""
         self.collisions, self.path_length_m = 0, 0.0
 
     @property
@@ -78,74 +78,83 @@ class MeshEnv(gymnasium.Env[Observation, np.int64], ABC):
 
         Args:
             seed: Seeds every draw of this and the following episodes.
-            options: ``scene`` (a scene's name or path) and ``start`` (x, z, heading in metres and
-                radians) of this episode.
+            options: For this episode only: ``scene`` (a name or path), ``start`` (x, z in metres,
+                heading in radians), and ``goal`` (x, z) where there is one.
 
         Returns:
             The first observation and info.
 
         Raises:
-            ValueError: If an option is unknown.
+            ValueError: If an option is unknown or malformed.
             SceneError: If the scene cannot be used.
-            EpisodeError: If the start is not navigable.
+            EpisodeError: If start or goal is not on the largest navigable part of the storey.
         """
         super().reset(seed=seed)
-        options = options or {}
-        if unknown := set(options) - OPTIONS:
-            raise ValueError(f"unknown options {sorted(unknown)}; choose among: {sorted(OPTIONS)}")
-        self._bind(options.get("scene", self._scene_name))
-        self._place(options.get("start", self._start))
-        self.trajectory = [self._simulator.state]
+        asked = EpisodeOptions.read(options, self._option_names())
+        self.trajectory = []
         self.collisions, self.path_length_m = 0, 0.0
-        self._begin()
+        self._bind(asked.scene or self.settings.scene)
+        self._place(self._start if asked.start is None else asked.start)
+        self._begin(asked, self._look())
+        self.trajectory.append(self._simulator.state)
         return self._observe(), self._info(collided=False)
 
     def step(self, action: np.int64) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Carry out one action; see the class for rewards and the end of an episode."""
+        """Carry out one action; the class tells of rewards and the end of an episode.
+
+        Raises:
+            ValueError: If there is no such action.
+            ResetNeeded: Before the first `reset`.
+        """
         if not self.trajectory:
-            raise EpisodeError("the episode must have begun; call `reset` first")
-        forward_scale, turn_offset_rad = self._noise.draw_actuation(self.np_random)
-        motion = self._simulator.act(
-            int(action), forward_scale=forward_scale, turn_offset_rad=turn_offset_rad
-        )
-        self.trajectory.append(self._simulator.state)
-        self.collisions += int(motion.collided)
-        self.path_length_m += motion.travelled_m
-        reward, terminated = self._judge(Action(action))
+            raise gymnasium.error.ResetNeeded("no episode has begun; call `reset` first")
+        if not self.action_space.contains(action):
+            raise ValueError(f"`action` must be one of {[int(a) for a in Action]}, got {action!r}")
+        motion = self._move(Action(int(action)))
+        reward, terminated = self._judge(Action(int(action)), self._look())
         return self._observe(), reward, terminated, False, self._info(collided=motion.collided)
 
-    def render(self) -> NDArray[Any] | None:  # type: ignore[override]
-        """Draw the top-down map, the trail and the depth image, or return the depth in metres."""
-        if self.render_mode is None or not self.trajectory:
+    def render(self) -> NDArray[Any] | None:
+        """Draw the storey with the trail beside the depth image, or return the depth image.
+
+        Returns:
+            `rgb_array`: (540, 960, 3) uint8. `depth_array`: (H, W) float32 metres as observed, 0 is
+            empty. None without a render mode.
+        """
+        if self.render_mode is None:
+            gymnasium.logger.warn("`render` draws nothing without a `render_mode`; give one to `make`")
             return None
+        if not self.trajectory:
+            raise gymnasium.error.ResetNeeded("there is nothing to draw yet; call `reset` first")
         if self.render_mode == "depth_array":
-            return self._simulator.depth_m()
-        return draw_status(self._simulator, self.trajectory, self._goal_xz(), self._caption())
+            return self._depth_m.copy()
+        return draw_moment(self._scene, self._moment())
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave out what is rebuilt from the scene's name."""
+        """Leave out what is made again from the scene's name."""
         state = self.__dict__.copy()
-        state.pop("_simulator")
-        state.pop("_scene")
-        state["_agent"] = self._simulator.state if self.trajectory else None
+        del state["_simulator"], state["_scene"]
         return state
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Rebuild the scene and the simulator."""
-        agent = state.pop("_agent")
+        """Make scene and simulator again and put the agent back."""
         name = state.pop("_scene_name")
         self.__dict__.update(state)
         self._bind(name)
-        if agent is not None:
-            self._simulator.place(agent.position_xz, agent.heading_rad)
+        if self.trajectory:
+            self._simulator.place(self.trajectory[-1].position_xz, self.trajectory[-1].heading_rad)
 
     @abstractmethod
-    def _begin(self) -> None:
-        """Set up the task of a new episode; the agent has been placed."""
+    def _option_names(self) -> tuple[str, ...]:
+        """Options that `reset` takes."""
 
     @abstractmethod
-    def _judge(self, action: Action) -> tuple[float, bool]:
-        """Reward and termination after an action."""
+    def _begin(self, options: EpisodeOptions, depth_m: NDArray[np.float32]) -> None:
+        """Set up the task; the agent has been placed and sees `depth_m` (H, W), without noise."""
+
+    @abstractmethod
+    def _judge(self, action: Action, depth_m: NDArray[np.float32]) -> tuple[float, bool]:
+        """Reward and termination after an action; the agent sees `depth_m` (H, W), without noise."""
 
     @abstractmethod
     def _task_spaces(self) -> dict[str, spaces.Space[Any]]:
@@ -153,62 +162,96 @@ class MeshEnv(gymnasium.Env[Observation, np.int64], ABC):
 
     @abstractmethod
     def _task_observation(self) -> Observation:
-        """The task's own observations."""
+        """The task's own observations, new arrays."""
 
     @abstractmethod
     def _task_info(self) -> dict[str, Any]:
         """The task's own info, plain scalars."""
 
     @abstractmethod
-    def _goal_xz(self) -> NDArray[np.float64] | None:
-        """Where the goal is, for pictures."""
+    def _moment(self) -> Moment:
+        """What `render` draws."""
 
     def _bind(self, scene_name: str) -> None:
-        """Load the scene unless it is at hand."""
-        if scene_name == self.__dict__.get("_scene_name") and "_simulator" in self.__dict__:
-            return
-        self._scene = _load(scene_name, tuple(sorted(self._scene_options.items())))
-        self._simulator = Simulator(
-            self._scene.mesh, self._scene.floor_y_m, self.camera, **self._motion, **self._backend
-        )
-        self._scene_name = scene_name
+        """Put a scene in place unless it is there already."""
+        scene = shared_scene(scene_name, self.settings.scene_options)
+        if scene is not self.__dict__.get("_scene"):
+            settings = self.settings
+            self._simulator = Simulator(
+                scene.mesh,
+                scene.floor_y_m,
+                self.camera,
+                backend=settings.backend,
+                device=settings.device,
+                forward_step_m=settings.forward_step_m,
+                turn_step_deg=settings.turn_step_deg,
+            )
+        self._scene, self._scene_name = scene, scene_name
 
-    def _place(self, start: Sequence[float] | None) -> None:
+    def _place(self, start: NDArray[np.float64] | None) -> None:
         if start is None:
-            position = self._simulator.grid.sample_position(self.np_random)
-            self._simulator.place(position, float(self.np_random.uniform(-np.pi, np.pi)))
-            return
-        if len(start) != 3:
-            raise ValueError(f"`start` must be (x, z, heading_rad), got {start!r}")
-        self._simulator.place(start[:2], float(start[2]))
+            position_xz = self._simulator.grid.sample_position(self.np_random)
+            heading_rad = float(self.np_random.uniform(-np.pi, np.pi))
+        else:
+            position_xz, heading_rad = start[:2], float(start[2])
+            self._require_largest_part("start", position_xz)
+        self._simulator.place(position_xz, heading_rad)
 
-    def _spaces(self) -> dict[str, spaces.Space[Any]]:
+    def _require_largest_part(self, name: str, position_xz: NDArray[np.float64]) -> None:
+        """Refuse a place from where most of the storey, or nothing of it, can be reached.
+
+        Raises:
+            EpisodeError: If the place is not on the largest navigable part.
+        """
+        grid = self._simulator.grid
+        part = grid.component_at(position_xz)
+        if part == _LARGEST:
+            return
+        cells_xz = grid.frame.centers_of(np.argwhere(grid.component == _LARGEST))
+        nearest = cells_xz[np.linalg.norm(cells_xz - position_xz, axis=1).argmin()]
+        place = f"on a part of {grid.component_areas_m2[part - 1]:.2f} m2" if part else "not navigable"
+        raise EpisodeError(
+            f"`{name}` must be on the largest navigable part of the storey, got x, z = "
+            f"{np.round(position_xz, 3).tolist()}, which is {place}"
+            f"; the nearest of it is {np.round(nearest, 3).tolist()}"
+        )
+
+    def _move(self, action: Action) -> Motion:
+        forward_m, turn_rad = self.noise.draw_actuation(self.np_random)
+        scale = 1.0 + forward_m / self.settings.forward_step_m
+        motion = self._simulator.act(action, forward_scale=scale, turn_offset_rad=turn_rad)
+        self.trajectory.append(self._simulator.state)
+        self.collisions += int(motion.collided)
+        self.path_length_m += float(motion.travelled_m)
+        return motion
+
+    def _look(self) -> NDArray[np.float32]:
+        """Take the depth image of this step; the true one is returned, the observed one is kept."""
+        depth_m = self._simulator.depth_m()
+        self._depth_m = self.noise.disturb(depth_m, self.camera.max_depth_m, self.np_random)
+        return depth_m
+
+    def _shared_spaces(self) -> dict[str, spaces.Space[Any]]:
         height, width = self.camera.height_px, self.camera.width_px
         shared: dict[str, spaces.Space[Any]] = {
             "depth": spaces.Box(0.0, self.camera.max_depth_m, (height, width, 1), np.float32),
-            "gps": spaces.Box(-_FLOAT_MAX, _FLOAT_MAX, (2,), np.float32),
+            "gps": spaces.Box(-UNBOUNDED, UNBOUNDED, (2,), np.float32),
             "compass": spaces.Box(-np.pi, np.pi, (1,), np.float32),
-            "world_from_camera": spaces.Box(-_FLOAT_MAX, _FLOAT_MAX, (4, 4), np.float32),
+            "world_from_camera": spaces.Box(-UNBOUNDED, UNBOUNDED, (4, 4), np.float32),
         }
-        if self._rgb:
+        if self.settings.rgb:
             shared["rgb"] = spaces.Box(0, 255, (height, width, 3), np.uint8)
-        return shared | self._task_spaces()
+        return shared
 
     def _observe(self) -> Observation:
-        depth = self._noise.disturb(self._simulator.depth_m(), self.np_random)
-        depth = np.minimum(depth, np.float32(self.camera.max_depth_m))
         start, now = self.trajectory[0], self._simulator.state
-        delta = now.position_xz - start.position_xz
-        ahead = forward_xz(start.heading_rad)
-        right = np.array([-ahead[1], ahead[0]])
-        turned = wrap_angle(now.heading_rad - start.heading_rad)
         observation: Observation = {
-            "depth": depth[..., None],
-            "gps": np.array([delta @ ahead, delta @ right], np.float32),
-            "compass": np.array([turned], np.float32).clip(-np.pi, np.pi).astype(np.float32),
+            "depth": self._depth_m[..., None].copy(),
+            "gps": _gps(start, now),
+            "compass": np.array([wrap_angle(now.heading_rad - start.heading_rad)], np.float32),
             "world_from_camera": self._simulator.world_from_camera.astype(np.float32),
         }
-        if self._rgb:
+        if self.settings.rgb:
             observation["rgb"] = self._simulator.rgb()
         return observation | self._task_observation()
 
@@ -216,16 +259,22 @@ class MeshEnv(gymnasium.Env[Observation, np.int64], ABC):
         shared = {
             "collided": collided,
             "collisions": self.collisions,
-            "path_length_m": float(self.path_length_m),
+            "path_length_m": self.path_length_m,
             "step": len(self.trajectory) - 1,
         }
         return shared | self._task_info()
 
-    def _caption(self) -> str:
-        return f"step {len(self.trajectory) - 1}   {self.path_length_m:.1f} m   {self.collisions} collisions"
+    def _captions(self) -> Mapping[str, str]:
+        """What the picture says of every episode."""
+        return {
+            "step": str(len(self.trajectory) - 1),
+            "path": f"{self.path_length_m:.1f} m",
+            "collisions": str(self.collisions),
+        }
 
 
-@lru_cache(maxsize=4)
-def _load(name: str, options: tuple[tuple[str, Any], ...]) -> Scene:
-    """Share a scene among the environments of a process."""
-    return make_scene(name, **dict(options))
+def _gps(start: AgentState, now: AgentState) -> NDArray[np.float32]:
+    """(2,) metres ahead and to the right of the start, as Habitat's episodic GPS."""
+    delta = now.position_xz - start.position_xz
+    ahead = forward_xz(start.heading_rad)
+    return np.array([delta @ ahead, delta[1] * ahead[0] - delta[0] * ahead[1]], np.float32)

@@ -1,135 +1,159 @@
-"""Point-goal navigation as Habitat defines it."""
+"""Navigation to a point that the agent can always see on its compass."""
 
-from typing import Any, final
+from typing import Any, Final, final
 
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
 from anm_gym.actions import Action
-from anm_gym.envs.mesh_env import MeshEnv, Observation
-from anm_gym.errors import EpisodeError
+from anm_gym.envs.goals import DistanceToPoint, GoalRange, draw_goal
+from anm_gym.envs.mesh_env import UNBOUNDED, MeshEnv, Observation
+from anm_gym.envs.options import DEFAULT_SCENE, EpisodeOptions, MeshEnvSettings
+from anm_gym.envs.picture import Moment
 from anm_gym.geometry import pointgoal
 
-SUCCESS_M = 0.2
-"""Stopping within this of the goal is a success, metres (Habitat)."""
-SLACK_REWARD, SUCCESS_REWARD = -0.01, 2.5
-"""Habitat's reward of each step and of success."""
-MIN_GEODESIC_M, MAX_GEODESIC_M = 1.0, 30.0
-"""Limits of the geodesic distance of a goal, metres (Habitat's episode generator)."""
-STRAIGHT_RATIO, STRAIGHT_SHARE = 1.1, 0.2
-"""Paths less than this much longer than the straight line are kept with this probability only."""
-MAX_DRAWS = 200
-"""Goals that are drawn before the episode is given up."""
+SLACK_REWARD: Final = -0.01
+"""Reward of every step (Habitat)."""
+SUCCESS_REWARD: Final = 2.5
+"""Reward of stopping at the goal (Habitat)."""
+SUCCESS_M: Final = 0.2
+"""Geodesic distance within which a stop succeeds, metres (Habitat)."""
 
 
 @final
 class PointNavEnv(MeshEnv):
-    """Walk to a point and stop there.
+    """Go to a point on the floor and stop there.
 
     ## Description
-    The agent knows the polar position of its goal at every step (perfect GPS and compass) and must
-    stop within 0.2 m of it.
+    The agent of `ANM/Explore-v0` is told at every step where a point of the floor lies, as the crow
+    flies, and must find the way. A policy that is good at this can sit in the navigator's seat of
+    every goal wrapper, which calls its goals by the same name.
 
     ## Action Space
-    `Discrete(4)`: 0 stop, 1 move forward, 2 turn left, 3 turn right. The paper's 6.5 cm and 10 degrees
-    by default; Habitat's step is `forward_step_m=0.25`.
+    `Discrete(4)`: 0 stop, 1 move forward 6.5 cm, 2 turn left 10 degrees, 3 turn right 10 degrees, as
+    in `ANM/Explore-v0`.
 
     ## Observation Space
+    `Dict` of `ANM/Explore-v0` and:
+
     | key | shape | dtype | range | unit and frame |
     |---|---|---|---|---|
-    | `depth` | (H, W, 1) | float32 | [0, max_depth_m] | metres along the optical axis; 0 is empty |
-    | `pointgoal_with_gps_compass` | (2,) | float32 | [0, inf), [-pi, pi] | distance (m), bearing (rad, left > 0) |
-    | `gps` | (2,) | float32 | unbounded | metres ahead and to the right of the start pose |
-    | `compass` | (1,) | float32 | [-pi, pi] | radians turned left since the start |
-    | `world_from_camera` | (4, 4) | float32 | unbounded | camera pose, metres, world frame |
-    | `rgb` (only with `rgb=True`) | (H, W, 3) | uint8 | [0, 255] | colour; needs EGL |
+    | `pointgoal_with_gps_compass` | (2,) | float32 | [0, inf), [-pi, pi] | metres; radians, left > 0 |
 
     ## Rewards
-    `d(t - 1) - d(t) - 0.01 + 2.5 success`, where d is the geodesic distance to the goal in metres.
+    Habitat's: `r_t = d_(t-1) - d_t - 0.01 + 2.5 * success`, with the geodesic distance d to the goal
+    in metres, and `success` when the agent stops with `d_t < success_m`.
 
     ## Starting State
-    A uniform start on the largest navigable part. The goal is uniform on the same part with a geodesic
-    distance of 1 to 30 m; goals that lie nearly straight ahead (path less than 1.1 times the straight
-    line) are kept with probability 0.2.
+    The start is drawn as in `ANM/Explore-v0`; the goal is then drawn among the places at a geodesic
+    distance of 1 to 30 m, straight ways being refused more often, as Habitat's generator does it.
 
     ## Episode End
-    Terminated by stop. Truncated after 500 steps (`max_episode_steps` of `gymnasium.make`).
+    Terminated by stop, wherever it happens. Truncated after 500 steps, unless `gymnasium.make` is
+    given another `max_episode_steps`. The step is a quarter of Habitat's: give far goals more.
 
     ## Information
-    `collided` (bool), `collisions` (int), `path_length_m` (float), `step` (int),
-    `distance_to_goal_m` (float), `is_success` (bool), `spl`, `soft_spl` (float).
+    | key | type | meaning |
+    |---|---|---|
+    | `collided`, `collisions`, `path_length_m`, `step` | | as in `ANM/Explore-v0` |
+    | `distance_to_goal_m` | float | geodesic distance d, metres |
+    | `is_success` | bool | whether the agent has stopped at the goal |
+    | `spl` | float | success times l / max(l, path length), with l the distance at the start |
+    | `soft_spl` | float | the same, with the progress max(0, 1 - d / l) for success |
 
     ## Arguments
-    As `ANM/Explore-v0`.
+    Those of `ANM/Explore-v0` but `reward`, and:
+
+    | name | default | meaning |
+    |---|---|---|
+    | `success_m` | 0.2 | distance within which a stop succeeds, metres |
+    | `min_distance_m`, `max_distance_m` | 1, 30 | geodesic distance of the goal, metres |
 
     >>> import gymnasium
-    >>> env = gymnasium.make("anm_gym:ANM/PointNav-v0", scene="home:studio:0", forward_step_m=0.25)
+    >>> env = gymnasium.make("anm_gym:ANM/PointNav-v0", scene="home:studio:0", camera={"width_px": 64})
     >>> observation, info = env.reset(seed=0)
-    >>> info["distance_to_goal_m"] >= 1.0
+    >>> distance_m, bearing_rad = observation["pointgoal_with_gps_compass"]
+    >>> bool(distance_m <= info["distance_to_goal_m"])
     True
+
+    `reset` takes the options `scene`, `start` and `goal` (x, z), for one episode.
 
     ## Version History
     - v0: first version.
     """
 
-    def _begin(self) -> None:
-        grid, graph = self.simulator.grid, self.simulator.graph
-        start = self.simulator.state.position_xz
-        distances = graph.distance_from(grid.frame.cells_of(start)[0])
-        for _ in range(MAX_DRAWS):
-            goal = grid.sample_position(self.np_random, grid.component_at(start))
-            cell = grid.frame.cells_of(goal)[0]
-            if self._is_fit(float(distances[cell[0], cell[1]]), float(np.linalg.norm(goal - start))):
-                break
-        else:
-            raise EpisodeError(
-                f"the scene must have a goal {MIN_GEODESIC_M} to {MAX_GEODESIC_M} m from the start, got none "
-                f"in {MAX_DRAWS} draws; use a larger scene"
-            )
-        self._goal = goal
-        self._distances = graph.distance_from(cell)
-        self._distance_m = float(distances[cell[0], cell[1]])
-        self._start_distance_m = self._distance_m
+    def __init__(
+        self,
+        scene: str = DEFAULT_SCENE,
+        *,
+        success_m: float = SUCCESS_M,
+        min_distance_m: float = 1.0,
+        max_distance_m: float = 30.0,
+        render_mode: str | None = None,
+        **settings: Any,
+    ) -> None:
+        if success_m <= 0.0:
+            raise ValueError(f"`success_m` must be > 0, got {success_m}")
+        self._success_m = success_m
+        self._goal_range = GoalRange(min_distance_m, max_distance_m)
+        super().__init__(MeshEnvSettings(scene=scene, render_mode=render_mode, **settings))
+        self._distance_m = self._shortest_m = float("inf")
         self._has_succeeded = False
 
-    def _judge(self, action: Action) -> tuple[float, bool]:
-        before, self._distance_m = self._distance_m, self._geodesic_m()
-        straight_m = float(np.linalg.norm(self._goal - self.simulator.state.position_xz))
-        self._has_succeeded = action is Action.STOP and straight_m <= SUCCESS_M
-        reward = before - self._distance_m + SLACK_REWARD + SUCCESS_REWARD * self._has_succeeded
-        return float(reward), action is Action.STOP
+    @property
+    def goal_xz(self) -> NDArray[np.float64]:
+        """(2,) the goal of the current episode, metres, world frame."""
+        return self._goal_xz
+
+    def _option_names(self) -> tuple[str, ...]:
+        return ("scene", "start", "goal")
+
+    def _begin(self, options: EpisodeOptions, _depth_m: NDArray[np.float32]) -> None:
+        simulator = self.simulator
+        grid, start_xz = simulator.grid, simulator.state.position_xz
+        if options.goal is None:
+            self._goal_xz = draw_goal(grid, simulator.graph, start_xz, self._goal_range, self.np_random)
+        else:
+            self._require_largest_part("goal", options.goal)
+            self._goal_xz = options.goal
+        self._distance_to_goal = DistanceToPoint(grid, simulator.graph, self._goal_xz)
+        self._distance_m = self._shortest_m = self._distance_to_goal(start_xz)
+        self._has_succeeded = False
+
+    def _judge(self, action: Action, _depth_m: NDArray[np.float32]) -> tuple[float, bool]:
+        before_m, self._distance_m = (
+            self._distance_m,
+            self._distance_to_goal(self.simulator.state.position_xz),
+        )
+        has_stopped = action is Action.STOP
+        self._has_succeeded = has_stopped and self._distance_m < self._success_m
+        reward = before_m - self._distance_m + SLACK_REWARD + SUCCESS_REWARD * self._has_succeeded
+        return reward, has_stopped
 
     def _task_spaces(self) -> dict[str, spaces.Space[Any]]:
-        low, high = np.array([0.0, -np.pi]), np.array([np.finfo(np.float32).max, np.pi])
-        return {"pointgoal_with_gps_compass": spaces.Box(low.astype(np.float32), high.astype(np.float32))}
+        low, high = np.array([0.0, -np.pi], np.float32), np.array([UNBOUNDED, np.pi], np.float32)
+        return {"pointgoal_with_gps_compass": spaces.Box(low, high)}
 
     def _task_observation(self) -> Observation:
         state = self.simulator.state
-        return {"pointgoal_with_gps_compass": pointgoal(state.position_xz, state.heading_rad, self._goal)}
+        return {"pointgoal_with_gps_compass": pointgoal(state.position_xz, state.heading_rad, self._goal_xz)}
 
     def _task_info(self) -> dict[str, Any]:
-        efficiency = self._start_distance_m / max(self._start_distance_m, self.path_length_m, 1e-9)
-        progress = max(0.0, 1.0 - self._distance_m / max(self._start_distance_m, 1e-9))
+        efficiency = self._shortest_m / max(self._shortest_m, self.path_length_m, 1e-9)
+        progress = max(0.0, 1.0 - self._distance_m / max(self._shortest_m, 1e-9))
         return {
-            "distance_to_goal_m": float(self._distance_m),
-            "is_success": bool(self._has_succeeded),
-            "spl": float(efficiency * self._has_succeeded),
-            "soft_spl": float(efficiency * progress),
+            "distance_to_goal_m": self._distance_m,
+            "is_success": self._has_succeeded,
+            "spl": self._has_succeeded * efficiency,
+            "soft_spl": progress * efficiency,
         }
 
-    def _goal_xz(self) -> NDArray[np.float64] | None:
-        return self._goal
-
-    def _is_fit(self, geodesic_m: float, straight_m: float) -> bool:
-        """Habitat's rule on the distance and on the detour of a goal."""
-        if not MIN_GEODESIC_M <= geodesic_m <= MAX_GEODESIC_M:
-            return False
-        is_straight = geodesic_m < STRAIGHT_RATIO * straight_m
-        return not is_straight or bool(self.np_random.random() < STRAIGHT_SHARE)
-
-    def _geodesic_m(self) -> float:
-        """Geodesic distance from the agent to the goal, metres; the last one where a cell has no path."""
-        cell = self.simulator.grid.frame.cells_of(self.simulator.state.position_xz)[0]
-        distance_m = float(self._distances[cell[0], cell[1]])
-        return distance_m if np.isfinite(distance_m) else self._distance_m
+    def _moment(self) -> Moment:
+        return Moment(
+            simulator=self.simulator,
+            trajectory=self.trajectory,
+            depth_m=self._depth_m,
+            captions={**self._captions(), "goal": f"{self._distance_m:.1f} m"},
+            goal_xz=self._goal_xz,
+        )

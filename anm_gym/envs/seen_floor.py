@@ -94,7 +94,7 @@ class SeenFloor:
         rows = rows[framed]
         shown_m = depth_m[rows, columns[framed]]
         is_floor = (shown_m > 0.0) & (shown_m >= self._higher * self._floor_depth_m[rows])
-        return inside[framed[is_floor]]
+        return np.asarray(inside[framed[is_floor]])
 
 
 def _floor_depth(camera: CameraSpec) -> NDArray[np.float32]:

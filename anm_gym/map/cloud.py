@@ -63,6 +63,12 @@ class SurfaceCloud:
         """Like `distance_of`, for and as tensors on any device."""
         return torch.from_numpy(self.distance_of(points.detach().cpu().numpy())).to(points.device)
 
+    def restore(self, points: NDArray[np.float32]) -> None:
+        """Replace the cloud by saved (N, 3) points."""
+        self._keys, self._points, self._count, self._tree = np.empty(0, np.int64), [], 0, None
+        if len(points):
+            self.add(points)
+
     def bounds(self, quantile: float = 0.0) -> NDArray[np.float64]:
         """(2, 3) corners of the cloud, metres; a quantile leaves out stray points on each side."""
         return np.asarray(np.quantile(self.points, [quantile, 1.0 - quantile], axis=0), np.float64)

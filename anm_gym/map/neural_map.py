@@ -174,6 +174,58 @@ class NeuralMap:
         near = self.cloud.distance_of(surface.vertices) <= crop_m
         return surface.keep_vertices(near, whole_faces=False)
 
+    def state(self) -> dict[str, Tensor]:
+        """Tensors from which `load_state` restores the map, all but its occupancy grid."""
+        parts = {
+            "field": self.field.state_dict(),
+            "frozen": self._frozen.state_dict(),
+            "frames": self.frames.state(),
+            "optimizer": self._moments(),
+        }
+        flat = {f"{part}.{name}": tensor for part, state in parts.items() for name, tensor in state.items()}
+        counts = [self.num_frames, self.num_keyframes, self._frames_since_keyframe]
+        return flat | {
+            "cloud": torch.from_numpy(self.cloud.points.copy()),
+            "volume.states": torch.from_numpy(self.volume.states.copy()),
+            "volume.low_index": torch.from_numpy(self.volume.low_index.copy()),
+            "weight_change": self._weight_change.clone(),
+            "generator": self._generator.get_state(),
+            "counts": torch.tensor(counts),
+        }
+
+    def load_state(self, state: dict[str, Tensor]) -> None:
+        """Restore what `state` returned.
+
+        Raises:
+            KeyError: If a tensor is missing.
+            RuntimeError: If a tensor has another shape.
+        """
+        self.field.load_state_dict(_part(state, "field"))
+        self._frozen.load_state_dict(_part(state, "frozen"))
+        self.frames.load_state(_part(state, "frames"))
+        self._load_moments(_part(state, "optimizer"))
+        self.cloud.restore(state["cloud"].cpu().numpy())
+        self.volume.states = state["volume.states"].cpu().numpy()
+        self.volume.low_index = state["volume.low_index"].cpu().numpy()
+        self._weight_change = state["weight_change"]
+        self._generator.set_state(state["generator"].cpu())
+        self.num_frames, self.num_keyframes, self._frames_since_keyframe = state["counts"].tolist()
+
+    def _moments(self) -> dict[str, Tensor]:
+        """Adam's moments by parameter, empty before the first iteration."""
+        named = dict(self.field.named_parameters())
+        return {
+            f"{name}:{key}": value
+            for name, parameter in named.items()
+            for key, value in self._optimizer.state.get(parameter, {}).items()
+        }
+
+    def _load_moments(self, moments: dict[str, Tensor]) -> None:
+        named = dict(self.field.named_parameters())
+        for label, value in moments.items():
+            name, key = label.rsplit(":", 1)
+            self._optimizer.state[named[name]][key] = value
+
     def _admit(self, depth_m: NDArray[np.float32], world_from_camera: NDArray[np.floating]) -> bool:
         """Store the frame; it replaces the last one unless that one has become a keyframe."""
         depth = torch.as_tensor(depth_m, device=self.device).reshape(self.camera.height_px, -1)
@@ -252,6 +304,12 @@ class NeuralMap:
         if points.ndim != 2 or points.shape[1] != 3:
             raise ValueError(f"`points` must have shape (N, 3), got {points.shape}")
         return torch.tensor(points, dtype=torch.float32, device=self.device)
+
+
+def _part(state: dict[str, Tensor], name: str) -> dict[str, Tensor]:
+    """The tensors of one part, without its name."""
+    prefix = name + "."
+    return {key.removeprefix(prefix): tensor for key, tensor in state.items() if key.startswith(prefix)}
 
 
 def _array(tensor: Tensor) -> NDArray[np.float32]:

@@ -1,20 +1,19 @@
-"""The part of the known floor that the agent can reach, with the paths to it."""
+"""The part of the known floor that the agent can reach, and what the way there costs."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import ndimage
 
 from anm_gym.map.occupancy import OccupancyGrid
-from anm_gym.sim.geodesic import GeodesicTree, GridGraph, nearest_free_cell
+from anm_gym.sim.geodesic import GridGraph, nearest_free_cell
 from anm_gym.sim.grid import GridFrame
 
 ESCAPE_M = 0.5
 """How far from an agent that stands too close to an obstacle the nearest passable cell may be, metres."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class ReachSettings:
     """What counts as passable and as comfortable (ours)."""
 
@@ -30,18 +29,12 @@ class ReachSettings:
 
 @dataclass(frozen=True, eq=False)
 class ReachableSpace:
-    """Cheapest paths from the agent to every cell that it can reach."""
+    """Cost of the cheapest path from the agent to every cell that it can reach."""
 
     frame: GridFrame
     """The window of the grid that was searched."""
     cost_m: NDArray[np.float64]
     """(rows, columns) length of the cheapest path, weighted by tightness, metres; infinite elsewhere."""
-    clearance_m: NDArray[np.float32]
-    """(rows, columns) distance to the nearest known obstacle, metres."""
-    passable: NDArray[np.bool_]
-    """(rows, columns): the body fits as far as is known."""
-    tree: GeodesicTree
-    """The paths."""
 
     @property
     def reachable(self) -> NDArray[np.bool_]:
@@ -49,27 +42,18 @@ class ReachableSpace:
         return np.isfinite(self.cost_m)
 
     def cost_to(self, position_xz: ArrayLike, tolerance_m: float = 0.0) -> float:
-        """Cost of the way to a floor point or to the reachable cell nearest to it, metres."""
-        cell = self._reachable_cell(position_xz, tolerance_m)
-        return float("inf") if cell is None else float(self.cost_m[cell[0], cell[1]])
-
-    def path_to(self, position_xz: ArrayLike, tolerance_m: float = 0.0) -> NDArray[np.float64] | None:
-        """Path to a floor point or to the reachable cell nearest to it.
+        """Cost of the way to a floor point or to the reachable cell nearest to it.
 
         Args:
             position_xz: (2,) floor point, metres.
-            tolerance_m: How far from it the path may end, metres.
+            tolerance_m: How far from it the way may end, metres.
 
         Returns:
-            (L, 2) floor points from the agent's cell on, or None.
+            Weighted metres; infinite if there is no way.
         """
-        cell = self._reachable_cell(position_xz, tolerance_m)
-        cells = None if cell is None else self.tree.path_to(cell)
-        return None if cells is None else self.frame.centers_of(cells)
-
-    def _reachable_cell(self, position_xz: ArrayLike, tolerance_m: float) -> NDArray[np.int64] | None:
         cell = self.frame.cells_of(position_xz)[0]
-        return nearest_free_cell(self.reachable, cell, int(tolerance_m / self.frame.cell_m))
+        near = nearest_free_cell(self.reachable, cell, int(tolerance_m / self.frame.cell_m))
+        return float("inf") if near is None else float(self.cost_m[near[0], near[1]])
 
 
 def reachable_space(
@@ -86,42 +70,17 @@ def reachable_space(
         The reachable space, or None if nothing near the agent is passable.
     """
     settings = settings or ReachSettings()
-    passable = ~occupancy.occupied if settings.through_unknown else occupancy.free
-    passable = passable & (occupancy.clearance_m > settings.radius_m)
-    reluctant = occupancy.unknown if settings.through_unknown else None
-    return search(passable, occupancy.clearance_m, occupancy.frame, position_xz, settings, reluctant)
-
-
-def search(
-    passable: NDArray[np.bool_],
-    clearance_m: NDArray[np.float32],
-    frame: GridFrame,
-    position_xz: ArrayLike,
-    settings: ReachSettings,
-    reluctant: NDArray[np.bool_] | None = None,
-) -> ReachableSpace | None:
-    """Search any grid; see `reachable_space`.
-
-    Args:
-        passable: (rows, columns) bool.
-        clearance_m: (rows, columns) metres.
-        frame: Where the cells lie.
-        position_xz: (2,) where the agent stands, metres.
-        settings: Comfort and its price.
-        reluctant: (rows, columns) cells that cost as much as tight ones.
-    """
+    frame = occupancy.frame
+    passable = occupancy.traversable(settings.radius_m, through_unknown=settings.through_unknown)
     start = nearest_free_cell(passable, frame.cells_of(position_xz)[0], int(ESCAPE_M / frame.cell_m))
     if start is None:
         return None
-    labels, _ = ndimage.label(passable)
-    part = labels == labels[start[0], start[1]]
-    rows, columns = np.flatnonzero(part.any(axis=1)), np.flatnonzero(part.any(axis=0))
+    rows, columns = np.flatnonzero(passable.any(axis=1)), np.flatnonzero(passable.any(axis=0))
     window = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    tightness = np.clip(1.0 - clearance_m[window] / settings.comfort_m, 0.0, 1.0)
-    if reluctant is not None:
-        tightness = np.maximum(tightness, reluctant[window])
-    graph = GridGraph(part[window], frame.cell_m, 1.0 + (settings.tightness_cost - 1.0) * tightness)
-    tree = graph.tree_from(start - [rows[0], columns[0]])
-    origin = frame.origin_xz + frame.cell_m * np.array([columns[0], rows[0]])
-    cropped = GridFrame((float(origin[0]), float(origin[1])), frame.cell_m, part[window].shape)
-    return ReachableSpace(cropped, tree.distance_m, clearance_m[window], passable[window], tree)
+    tightness = np.clip(1.0 - occupancy.clearance_m[window] / settings.comfort_m, 0.0, 1.0)
+    if settings.through_unknown:
+        tightness = np.maximum(tightness, occupancy.unknown[window])
+    graph = GridGraph(passable[window], frame.cell_m, 1.0 + (settings.tightness_cost - 1.0) * tightness)
+    cost_m = graph.distance_from(start - [rows[0], columns[0]])
+    x, z = np.asarray(frame.origin_xz) + frame.cell_m * np.array([columns[0], rows[0]])
+    return ReachableSpace(GridFrame((float(x), float(z)), frame.cell_m, cost_m.shape), cost_m)

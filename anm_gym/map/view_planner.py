@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from anm_gym.actions import FORWARD_STEP_M
 from anm_gym.map.neural_map import NeuralMap
 from anm_gym.map.reach import ReachableSpace, ReachSettings, reachable_space
 from anm_gym.map.views import (
@@ -93,25 +94,33 @@ def variable_surface(neural_map: NeuralMap, settings: SurfaceSettings) -> Variab
     return VariableSurface(vertices, np.asarray(variability / (variability + max(reference, 1e-12)), np.float32))
 
 
+@dataclass(frozen=True)
+class PlannerSettings:
+    """All settings of a `ViewPlanner` (ours)."""
+
+    views: ViewSettings = ViewSettings()
+    """Ranges, counts and costs."""
+    surface: SurfaceSettings = SurfaceSettings()
+    """Which surface is worth looking at."""
+    reach: ReachSettings = ReachSettings()
+    """What counts as passable."""
+    keep_share: float = 0.8
+    """A view under way is kept while it has this share of the best one's utility."""
+    place_spacing_m: float = 0.4
+    """Spacing of the candidate places, metres."""
+    failure_radius_m: float = 0.4
+    """Places this close to one that failed are left out, metres."""
+
+
 class ViewPlanner:
     """Choose where to go and where to look.
 
     Args:
-        views: Ranges, counts and costs.
-        surface: Which surface is worth looking at.
-        reach: What counts as passable.
-        keep_share: A view under way is kept unless another is better by more than its inverse.
+        settings: What to look at, from where, at which cost.
     """
 
-    def __init__(
-        self,
-        views: ViewSettings | None = None,
-        surface: SurfaceSettings | None = None,
-        reach: ReachSettings | None = None,
-        keep_share: float = 0.8,
-    ) -> None:
-        self.views, self.surface = views or ViewSettings(), surface or SurfaceSettings()
-        self.reach, self.keep_share = reach or ReachSettings(), keep_share
+    def __init__(self, settings: PlannerSettings | None = None) -> None:
+        self.settings = settings or PlannerSettings()
 
     def plan(
         self,
@@ -136,19 +145,20 @@ class ViewPlanner:
         Returns:
             The view, or None if nothing variable can be seen from any reachable place.
         """
-        space = reachable_space(neural_map.occupancy, position_xz, self.reach)
-        surface = self._subsample(variable_surface(neural_map, self.surface), rng)
+        space = reachable_space(neural_map.occupancy, position_xz, self.settings.reach)
+        surface = self._subsample(variable_surface(neural_map, self.settings.surface), rng)
         if space is None or len(surface.points) == 0:
             return None
-        positions, distances = self._candidates(space, surface, position_xz, current, excluded_xz)
+        positions, distances, own = self._candidates(space, surface, position_xz, current, excluded_xz)
         camera_y_m = neural_map.occupancy.floor_y_m + neural_map.camera.sensor_height_m
         centers = np.insert(positions, 1, camera_y_m, axis=1)
-        visibility = expected_visibility(centers, surface.points, neural_map.volume, self.views)
+        visibility = expected_visibility(centers, surface.points, neural_map.volume, self.settings.views)
         gains = gains_by_heading(
-            centers, surface.points, surface.weights, visibility, neural_map.camera, self.views
+            centers, surface.points, surface.weights, visibility, neural_map.camera, self.settings.views
         )
-        costs = view_costs(positions, distances, position_xz, heading_rad, self.views)
-        best, utilities = rank_views(positions, gains, costs, self.views)
+        gains[own, self._sectors_near(heading_rad)] = 0.0
+        costs = view_costs(positions, distances, position_xz, heading_rad, self.settings.views)
+        best, utilities = rank_views(positions, gains, costs, self.settings.views)
         if best.gain <= 0.0:
             return None
         if current is not None and self._still_serves(current, utilities, best):
@@ -158,9 +168,9 @@ class ViewPlanner:
     def _subsample(self, surface: VariableSurface, rng: np.random.Generator) -> VariableSurface:
         """Keep at most `max_points` points."""
         count = len(surface.points)
-        if count <= self.views.max_points:
+        if count <= self.settings.views.max_points:
             return surface
-        chosen = rng.choice(count, self.views.max_points, replace=False)
+        chosen = rng.choice(count, self.settings.views.max_points, replace=False)
         return VariableSurface(surface.points[chosen], surface.weights[chosen])
 
     def _candidates(
@@ -170,39 +180,45 @@ class ViewPlanner:
         position_xz: NDArray[np.float64],
         current: View | None,
         excluded_xz: NDArray[np.float64] | None,
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Places that promise most if nothing stood in the way, with path costs; the agent's own is last."""
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
+        """Places that promise most if nothing stood in the way, their path costs, and the agent's own index.
+
+        The place of the view under way comes first, the agent's own after it.
+        """
         cells = np.argwhere(space.reachable)
-        stride = max(1, round(0.4 / space.frame.cell_m))
+        stride = max(1, round(self.settings.place_spacing_m / space.frame.cell_m))
         cells = cells[(cells % stride == 0).all(axis=1)]
         positions = space.frame.centers_of(cells) if len(cells) else np.empty((0, 2))
         distances = space.cost_m[cells[:, 0], cells[:, 1]]
         if excluded_xz is not None and len(excluded_xz) and len(positions):
             gaps = np.linalg.norm(positions[:, None] - excluded_xz[None], axis=2).min(axis=1)
-            positions, distances = positions[gaps > 0.4], distances[gaps > 0.4]
+            far = gaps > self.settings.failure_radius_m
+            positions, distances = positions[far], distances[far]
         promise = self._promise(positions, surface)
-        rate = promise / (distances / 0.065 + self.views.fixed_cost_steps)
-        best = np.argsort(-rate, kind="stable")[: self.views.max_places]
-        own = [position_xz]
-        if current is not None:
-            own.insert(0, current.position_xz)
-        extra = np.array(own)
-        extra_cost = np.array([space.cost_to(place, 0.5) for place in own])
-        extra_cost[-1] = 0.0
-        known = np.isfinite(extra_cost)
+        rate = promise / (distances / FORWARD_STEP_M + self.settings.views.fixed_cost_steps)
+        best = np.argsort(-rate, kind="stable")[: self.settings.views.max_places]
+        first = [] if current is None else [current.position_xz]
+        first_cost = [space.cost_to(place, self.settings.place_spacing_m) for place in first]
         return (
-            np.concatenate([extra[known], positions[best]]),
-            np.concatenate([extra_cost[known], distances[best]]),
+            np.concatenate([np.array([*first, position_xz]), positions[best]]),
+            np.concatenate([np.array([*first_cost, 0.0]), distances[best]]),
+            len(first),
         )
 
     def _promise(self, positions: NDArray[np.float64], surface: VariableSurface) -> NDArray[np.float64]:
         """Weight of the surface within range of each place."""
         offsets = surface.points[None][..., [0, 2]] - positions[:, None].astype(np.float32)
-        near = (offsets**2).sum(axis=2) < self.views.max_range_m**2
+        near = (offsets**2).sum(axis=2) < self.settings.views.max_range_m**2
         return np.asarray(near @ surface.weights, np.float64)
+
+    def _sectors_near(self, heading_rad: float) -> list[int]:
+        """Headings that show what the agent sees already."""
+        count = self.settings.views.num_headings
+        middle = round(heading_rad * count / (2.0 * np.pi))
+        return [(middle + turn) % count for turn in (-1, 0, 1)]
 
     def _still_serves(self, current: View, utilities: NDArray[np.float64], best: View) -> bool:
         """The view under way, which is the first candidate, is nearly as good as the best."""
-        sector = 2.0 * np.pi / self.views.num_headings
-        heading = round(current.heading_rad / sector) % self.views.num_headings
-        return bool(utilities[0, heading] >= self.keep_share * best.utility)
+        sector = 2.0 * np.pi / self.settings.views.num_headings
+        heading = round(current.heading_rad / sector) % self.settings.views.num_headings
+        return bool(utilities[0, heading] >= self.settings.keep_share * best.utility)

@@ -22,15 +22,15 @@ class ViewSettings:
     """Surface farther than this does not count, metres."""
     min_range_m: float = 0.3
     """Surface nearer than this does not count, metres."""
-    ray_step_m: float = 0.2
+    ray_step_m: float = 0.1
     """Spacing of the samples that look for an obstacle between view and surface, metres."""
-    surface_slack_m: float = 0.3
+    surface_slack_m: float = 0.1
     """The last stretch of a ray in which the surface itself may stand, metres."""
     unknown_decay_m: float = 1.5
     """Length of unknown space after which the hope to see a surface drops to 1/e, metres."""
-    max_points: int = 1000
+    max_points: int = 700
     """Surface points that are scored."""
-    max_places: int = 120
+    max_places: int = 80
     """Places that are scored."""
     fixed_cost_steps: float = 12.0
     """Added to each cost, so that a glance close by does not beat a good view, steps."""

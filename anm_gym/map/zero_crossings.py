@@ -93,6 +93,6 @@ def zero_crossings_of(
         return EMPTY
     spacing = (float(lattice.spacing_m[0]), float(lattice.spacing_m[1]), float(lattice.spacing_m[2]))
     vertices, faces, _, _ = marching_cubes(
-        values, 0.0, spacing=spacing, mask=mask, gradient_direction="ascent"
+        values, 0.0, spacing=spacing, mask=mask, gradient_direction="descent"
     )
     return ZeroCrossings((vertices + lattice.low).astype(np.float32), faces.astype(np.int32))

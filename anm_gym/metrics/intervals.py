@@ -56,7 +56,8 @@ def mean_interval(values: ArrayLike, confidence: float = 0.95) -> Interval:
     if count < 2:
         return Interval(float(finite[0]) if count else float("nan"), float("nan"), count)
     quantile = float(stats.t.ppf(0.5 + confidence / 2.0, count - 1))
-    return Interval(float(finite.mean()), quantile * float(finite.std(ddof=1)) / np.sqrt(count), count)
+    half_width = quantile * float(finite.std(ddof=1)) / count**0.5
+    return Interval(float(finite.mean()), half_width, count)
 
 
 def paired_difference(

@@ -8,33 +8,34 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import cKDTree
 
-from anm_gym.actions import FORWARD_STEP_M, TURN_STEP_DEG
 from anm_gym.geometry import CameraSpec
 from anm_gym.metrics.completion import THRESHOLD_M
 from anm_gym.metrics.depth_view import depth_view
 from anm_gym.metrics.nearest_observed import NearestObserved
 from anm_gym.metrics.sample_blocks import SampleBlocks
+from anm_gym.metrics.tours import Pose, Tour, TourSearch
 from anm_gym.metrics.view_table import ViewTable, pack
-from anm_gym.sim.geodesic import GeodesicTree, GridGraph, nearest_free_cell
+from anm_gym.metrics.ways import Place, Way, WayPlanner
 from anm_gym.sim.traversable import TraversableGrid
 
 
 @dataclass(frozen=True)
 class OracleSettings:
-    """How the planner weighs gain against cost."""
+    """How far and how hard the planner looks ahead."""
 
+    horizon_steps: int = 1000
+    """Budget of the episode, steps; tours reach to its end."""
     overhead_steps: float = 3.0
     """Added to the cost of every pose, so that tiny gains next door do not win, steps."""
     num_refined: int = 48
-    """Poses whose way is planned in full, the best ones by gain per straight cost."""
-    waypoint_m: float = 0.4
-    """Spacing at which what is seen on the way is counted, metres."""
-    forward_step_m: float = FORWARD_STEP_M
-    """Length of a forward step, metres."""
-    turn_step_rad: float = float(np.deg2rad(TURN_STEP_DEG))
-    """Angle of a turn, radians."""
+    """Positions to which the way is planned in full at each leg, the best by gain per straight cost."""
+    first_trials: int = 1500
+    """Changes of the greedy tour that are tried at the start of an episode."""
+    later_trials: int = 150
+    """Changes that are tried at each later decision."""
+    tour_stride: int = 4
+    """Tours count every n-th word of 64 samples."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,46 +56,44 @@ class GoalPose:
     """Estimated steps to get there and turn."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Way:
-    """A planned way to a pose."""
-
-    cost_steps: float
-    bits: NDArray[np.uint64]
-
-
 class GreedyCoverage:
-    """Choose, at each decision, the pose with the most newly covered samples per step of its way.
+    """Propose poses that cover the surface in few steps, from tours over the whole remaining budget.
 
-    What would be covered on the way and while turning counts as well. A pose that was reached is not
-    proposed again, even where the table promised more than the frames kept.
+    A greedy tour takes, leg by leg, the way with the most newly covered samples per step; what is covered
+    on the way counts. Local search betters it, and at each decision the tour that is being followed.
+    A pose that was given up is not proposed again, even where the table promised more than frames kept.
 
     Source:
-        Ours: greedy maximum coverage with travel cost, as a bound for planners that do not know the mesh.
+        Ours: greedy maximum coverage with travel costs and local search, as a bound for planners that
+        do not know the mesh.
     """
 
     def __init__(
-        self, table: ViewTable, grid: TraversableGrid, settings: OracleSettings | None = None
+        self, table: ViewTable, grid: TraversableGrid, settings: OracleSettings | None = None, seed: int = 0
     ) -> None:
         """Start with nothing covered.
 
         Args:
             table: What each pose covers.
             grid: The true traversable grid, on which ways are planned.
-            settings: Weights.
+            settings: How far and how hard to look ahead.
+            seed: Seed of the local search.
         """
         self.settings = settings or OracleSettings()
-        self._table, self._grid = table, grid
-        self._graph = GridGraph(grid.navigable, grid.frame.cell_m)
-        self._cells = grid.frame.cells_of(table.positions_xz)
-        self._positions = cKDTree(table.positions_xz)
+        self._table, self._seed = table, seed
+        self._ways = WayPlanner(table, grid)
         self._blocks = SampleBlocks(table.points)
+        self._tour_bits = np.ascontiguousarray(table.bits[:, :, :: self.settings.tour_stride])
+        self._known_ways: dict[tuple[Pose, Pose], Way] = {}
         self.reset()
 
     def reset(self) -> None:
-        """Forget what was covered and tried."""
+        """Forget what was covered, given up and planned."""
         self._nearest = NearestObserved(self._blocks, THRESHOLD_M)
         self._is_open = np.ones(self._table.bits.shape[:2], bool)
+        self._rng = np.random.default_rng(self._seed)
+        self._tour: Tour | None = None
+        self._num_frames = 0
 
     @property
     def covered_pct(self) -> float:
@@ -105,7 +104,7 @@ class GreedyCoverage:
     def mark_seen(
         self, depth_m: NDArray[np.float32], camera: CameraSpec, world_from_camera: NDArray[np.floating]
     ) -> None:
-        """Account for a frame of the episode.
+        """Account for a frame of the episode; call it once a step.
 
         Args:
             depth_m: (H, W) or (H, W, 1) float32 planar depth, metres.
@@ -113,6 +112,7 @@ class GreedyCoverage:
             world_from_camera: (4, 4) pose.
         """
         self._nearest.observe(depth_view(depth_m, camera, world_from_camera))
+        self._num_frames += 1
 
     def give_up(self, goal: GoalPose, radius_m: float = 0.0) -> None:
         """Never propose a pose again: it was reached, or it cannot be.
@@ -123,7 +123,7 @@ class GreedyCoverage:
         """
         self._is_open[goal.position_index, goal.heading_index] = False
         if radius_m > 0.0:
-            self._is_open[self._positions.query_ball_point(goal.position_xz, radius_m)] = False
+            self._is_open[self._ways.positions_within(goal.position_xz, radius_m)] = False
 
     def next_goal(self, position_xz: ArrayLike, heading_rad: float) -> GoalPose | None:
         """Choose the next pose.
@@ -133,96 +133,60 @@ class GreedyCoverage:
             heading_rad: Where it looks, radians.
 
         Returns:
-            The best pose by gain per step; None if no reachable pose covers anything new.
+            The first pose of the best tour; None if no reachable pose covers anything new.
         """
-        position = np.asarray(position_xz, np.float64)
-        tree = self._tree_from(position)
-        if tree is None:
+        place = self._ways.place(np.asarray(position_xz, np.float64), heading_rad)
+        if place is None:
             return None
         missing = pack(~self._nearest.covered)
-        gains = np.bitwise_count(self._table.bits & missing).sum(axis=-1, dtype=np.int64)
-        gains[~self._is_open] = 0
-        costs = self._direct_costs(tree, position, heading_rad)
-        utility = np.where(gains > 0, gains / (costs + self.settings.overhead_steps), 0.0)
-        order = np.argsort(-utility, axis=None, kind="stable")[: self.settings.num_refined]
-        poses = [divmod(int(flat), utility.shape[1]) for flat in order if utility.flat[flat] > 0.0]
-        ways = [self._way(tree, position, heading_rad, pose) for pose in poses]
-        if not ways:
-            return None
-        best = int(np.argmax([self._rate(way, missing) for way in ways]))
-        (row, column), way = poses[best], ways[best]
-        heading = float(self._table.headings_rad[column])
-        gain = int(gains[row, column])
-        return GoalPose(self._table.positions_xz[row], heading, row, column, gain, way.cost_steps)
+        self._tour = self._best_tour(place, missing[:: self.settings.tour_stride])
+        if self._tour:
+            return self._goal(place, self._tour[0], missing)
+        ways = self._best_ways(place, missing, self._table.bits)
+        return self._goal(place, ways[0].pose, missing) if ways else None
 
-    def _rate(self, way: _Way, missing: NDArray[np.uint64]) -> float:
+    def _goal(self, place: Place, pose: tuple[int, int], missing: NDArray[np.uint64]) -> GoalPose:
+        row, column = pose
+        gain = int(np.bitwise_count(self._table.bits[row, column] & missing).sum())
+        cost = float(self._ways.direct_costs(place)[row, column])
+        heading = float(self._table.headings_rad[column])
+        return GoalPose(self._table.positions_xz[row], heading, row, column, gain, cost)
+
+    def _best_tour(self, place: Place, missing: NDArray[np.uint64]) -> Tour:
+        """Better the greedier of two tours: the one that is being followed, and a new greedy one."""
+        budget = max(100.0, float(self.settings.horizon_steps - self._num_frames))
+        search = TourSearch(
+            self._ways, self._tour_bits, self._known_ways, place, missing, self._is_open, budget
+        )
+        trials = self.settings.first_trials if self._tour is None else self.settings.later_trials
+        kept = search.prospect(search.allowed(self._tour or ()))
+        greedy = search.prospect(self._greedy_tour(place, missing, budget))
+        best = kept if kept.value > greedy.value else greedy
+        return search.improved(best, trials, self._rng).tour
+
+    def _greedy_tour(self, place: Place, missing: NDArray[np.uint64], budget_steps: float) -> Tour:
+        tour: list[Pose] = []
+        while budget_steps > 0.0:
+            ways = self._best_ways(place, missing, self._tour_bits)
+            if not ways:
+                break
+            tour.append(ways[0].pose)
+            budget_steps -= ways[0].cost_steps + self.settings.overhead_steps
+            missing, place = missing & ~ways[0].bits, self._ways.place_at(ways[0].pose)
+        return tuple(tour)
+
+    def _best_ways(self, place: Place, missing: NDArray[np.uint64], bits: NDArray[np.uint64]) -> list[Way]:
+        """Plan ways to the most useful positions, each with its best heading; most gain per step first."""
+        gains = np.bitwise_count(bits & missing).sum(axis=-1, dtype=np.int64)
+        gains[~self._is_open] = 0
+        utility = gains / (self._ways.direct_costs(place) + self.settings.overhead_steps)
+        columns = utility.argmax(axis=1)
+        best = utility[np.arange(len(utility)), columns]
+        rows = np.argsort(-best, kind="stable")[: self.settings.num_refined]
+        poses = [(int(row), int(columns[row])) for row in rows if best[row] > 0.0]
+        ways = [self._ways.way(place, pose, bits) for pose in poses]
+        return sorted(ways, key=lambda way: -self._rate(way, missing))
+
+    def _rate(self, way: Way, missing: NDArray[np.uint64]) -> float:
         gain = int(np.bitwise_count(way.bits & missing).sum())
         return gain / (way.cost_steps + self.settings.overhead_steps)
-
-    def _tree_from(self, position_xz: NDArray[np.float64]) -> GeodesicTree | None:
-        cell = self._grid.frame.cells_of(position_xz)[0]
-        start = nearest_free_cell(self._grid.navigable, cell, 10)
-        return None if start is None else self._graph.tree_from(start)
-
-    def _direct_costs(
-        self, tree: GeodesicTree, position_xz: NDArray[np.float64], heading_rad: float
-    ) -> NDArray[np.float64]:
-        """Steps to each pose (P, K) with the turns of a straight way."""
-        distance_m = tree.distance_m[self._cells[:, 0], self._cells[:, 1]]
-        delta = self._table.positions_xz - position_xz
-        is_here = distance_m < self.settings.forward_step_m
-        bearing = np.where(is_here, heading_rad, np.arctan2(-delta[:, 0], -delta[:, 1]))
-        turns = np.abs(_wrapped(bearing - heading_rad))[:, None]
-        turns = turns + np.abs(_wrapped(self._table.headings_rad - bearing[:, None]))
-        return np.asarray(
-            distance_m[:, None] / self.settings.forward_step_m + turns / self.settings.turn_step_rad
-        )
-
-    def _way(
-        self, tree: GeodesicTree, position_xz: NDArray[np.float64], heading_rad: float, pose: tuple[int, int]
-    ) -> _Way:
-        """Plan the way to a pose: its steps, and the samples covered along it and at its end."""
-        row, column = pose
-        goal_heading = float(self._table.headings_rad[column])
-        points = self._waypoints(tree, position_xz, row)
-        legs = np.diff(points, axis=0)
-        lengths_m = np.linalg.norm(legs, axis=1)
-        legs, stops = legs[lengths_m > 1e-9], points[1:][lengths_m > 1e-9]
-        bearings = np.arctan2(-legs[:, 0], -legs[:, 1])
-        turns = np.abs(_wrapped(np.diff(np.concatenate([[heading_rad], bearings, [goal_heading]]))))
-        rows, columns = self._views(stops, bearings, row, goal_heading, heading_rad)
-        bits = np.bitwise_or.reduce(self._table.bits[rows, columns], axis=0)
-        cost = lengths_m.sum() / self.settings.forward_step_m + turns.sum() / self.settings.turn_step_rad
-        return _Way(float(cost), bits)
-
-    def _waypoints(
-        self, tree: GeodesicTree, position_xz: NDArray[np.float64], row: int
-    ) -> NDArray[np.float64]:
-        cells = tree.path_to(self._cells[row])
-        assert cells is not None, "poses without a path have no utility"
-        stride = max(1, int(self.settings.waypoint_m / self._grid.frame.cell_m))
-        inner = self._grid.frame.centers_of(cells[stride:-1:stride].reshape(-1, 2))
-        return np.concatenate([position_xz[None], inner, self._table.positions_xz[row][None]])
-
-    def _views(
-        self,
-        stops: NDArray[np.float64],
-        bearings: NDArray[np.float64],
-        row: int,
-        goal_heading_rad: float,
-        heading_rad: float,
-    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Nearest poses of the table along a way and while turning at its end."""
-        last = bearings[-1] if len(bearings) else heading_rad
-        turn = float(_wrapped(np.asarray(goal_heading_rad - last)))
-        pitch = 2.0 * np.pi / len(self._table.headings_rad)
-        sweep = last + turn * np.linspace(0.0, 1.0, 1 + int(np.ceil(abs(turn) / pitch)))
-        on_way = self._positions.query(stops)[1] if len(stops) else np.zeros(0, np.int64)
-        rows = np.concatenate([on_way, np.full(len(sweep), row)]).astype(np.int64)
-        headings = np.concatenate([bearings, sweep])
-        columns = np.rint(headings / pitch).astype(np.int64) % len(self._table.headings_rad)
-        return rows, columns
-
-
-def _wrapped(angles_rad: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray((angles_rad + np.pi) % (2.0 * np.pi) - np.pi)

@@ -46,7 +46,7 @@ class SampleBlocks:
         self._points = np.ascontiguousarray(points[self._order].T, np.float32)
         low = np.minimum.reduceat(self._points, starts, axis=1)
         high = np.maximum.reduceat(self._points, starts, axis=1)
-        self._centers = 0.5 * (low + high)
+        self._centers = np.float32(0.5) * (low + high)
         self._radii_m = 0.5 * np.linalg.norm(high - low, axis=0).astype(np.float32)
 
     def __len__(self) -> int:

@@ -76,7 +76,7 @@ def read_view_table(path: Path) -> ViewTable | None:
         path: File that `write_view_table` wrote.
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             points, positions, headings, bits = (file[name] for name in _FIELDS)
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
         return None

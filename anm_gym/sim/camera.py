@@ -38,8 +38,10 @@ class DepthCamera(ABC):
     def __init__(self, spec: CameraSpec) -> None:
         self.spec = spec
         x, y = spec.directions[0, :, 0], spec.directions[:, 0, 1]
-        self._columns = np.stack([x, -np.ones_like(x)], axis=1)
         self._rows = np.stack([y, np.ones_like(y)], axis=1)
+        repeated = np.tile(np.eye(3, dtype=np.float32)[:, None], (1, len(x), 1))
+        self._repeat = repeated.reshape(3, -1)
+        self._basis = np.concatenate([(repeated * x[:, None]).reshape(3, -1), self._repeat])
 
     @abstractmethod
     def cast(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> RayHits:
@@ -66,29 +68,26 @@ class DepthCamera(ABC):
 
     def render_triangles(self, world_from_camera: NDArray[np.floating]) -> NDArray[np.int32]:
         """Render the face index of each pixel, (H, W) int32; -1 where nothing is hit at any depth."""
-        directions = np.empty((self.spec.height_px * self.spec.width_px, 3), np.float32)
-        self._fill_directions(world_from_camera, directions)
-        origins = np.empty_like(directions)
-        self._fill_origins(world_from_camera, origins)
+        directions = (self._rows @ self._ray_terms(world_from_camera)).reshape(-1, 3)
+        origins = np.tile(self._ray_origins(world_from_camera), (self.spec.height_px, 1)).reshape(-1, 3)
         hits = self.cast(origins, directions)
         return hits.triangle.reshape(self.spec.height_px, self.spec.width_px)
 
-    def _fill_directions(self, world_from_camera: NDArray[np.floating], out: NDArray[np.float32]) -> None:
-        """Write the world direction of every pixel to (H * W, 3).
+    def _ray_terms(self, world_from_camera: NDArray[np.floating]) -> NDArray[np.float32]:
+        """Split the world directions of the rays: `_rows @ terms` is (H, 3 W), x, y, z of each pixel.
 
-        A direction is a term of its column plus a term of its row, so one product of (H, 2) and
-        (2, 3 W) makes them all; a product with (H * W, 3) costs several times as much.
+        A direction is a term of its row plus a term of its column, so one product of (H, 2) and
+        (2, 3 W) makes them all, many times faster than one of (H W, 3) and (3, 3).
         """
         rotation = np.asarray(world_from_camera[:3, :3], np.float32)
-        terms = np.empty((2, len(self._columns), 3), np.float32)
-        terms[0] = rotation[:, 1]
-        np.matmul(self._columns, rotation[:, [0, 2]].T, out=terms[1])
-        np.matmul(self._rows, terms.reshape(2, -1), out=out.reshape(self.spec.height_px, -1))
+        mix = np.zeros((2, 6), np.float32)
+        mix[0, 3:] = rotation[:, 1]
+        mix[1, :3], mix[1, 3:] = rotation[:, 0], -rotation[:, 2]
+        return np.asarray(mix @ self._basis)
 
-    def _fill_origins(self, world_from_camera: NDArray[np.floating], out: NDArray[np.float32]) -> None:
-        """Write the camera's centre to every row of (H * W, 3), an image row at a time."""
-        center = np.asarray(world_from_camera[:3, 3], np.float32)
-        out.reshape(self.spec.height_px, -1)[:] = np.tile(center, self.spec.width_px)
+    def _ray_origins(self, world_from_camera: NDArray[np.floating]) -> NDArray[np.float32]:
+        """Repeat the camera's centre for each ray of an image row, (3 W,)."""
+        return np.asarray(world_from_camera[:3, 3].astype(np.float32) @ self._repeat)
 
 
 def check_rays(origins: NDArray[np.float32], directions: NDArray[np.float32]) -> None:

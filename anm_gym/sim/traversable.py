@@ -14,6 +14,8 @@ from anm_gym.sim.raster import rasterise_slab
 
 FLOOR_TOLERANCE_M = 0.05
 """Surfaces this far below the floor still carry the agent, metres."""
+MAX_CELLS = 25_000_000
+"""Cells of the largest raster, 250 m square at the default cell; beyond it the unit is wrong."""
 CONTACT_M = 1e-6
 """The body touches where the clearance is its radius to within this, metres; above float32's rounding."""
 
@@ -73,11 +75,17 @@ class TraversableGrid:
             cell_m: Edge of a cell, metres.
 
         Raises:
-            SceneError: If no triangle lies at the floor's height.
+            SceneError: If no triangle lies at the floor's height, or the mesh is too large.
         """
         body = body or BodySpec()
         bounds = mesh.bounds
         frame = GridFrame.around(bounds[0, [0, 2]], bounds[1, [0, 2]], cell_m)
+        if frame.shape[0] * frame.shape[1] > MAX_CELLS:
+            size_m = " x ".join(f"{side:.0f}" for side in (bounds[1] - bounds[0])[[0, 2]])
+            raise SceneError(
+                f"the floor raster must have at most {MAX_CELLS} cells, got {size_m} m at {cell_m} m a cell"
+                "; check the mesh's `unit`"
+            )
         low, top = floor_y_m + body.climb_m, floor_y_m + body.height_m
         has_floor = rasterise_slab(mesh.triangles, frame, floor_y_m - FLOOR_TOLERANCE_M, low)
         if not has_floor.any():

@@ -41,8 +41,8 @@ class WarpCamera(DepthCamera):
             raise BackendError(f"`device` must be one of: {known}, got {device!r}") from error
         points = self._upload(mesh.vertices.astype(np.float32), self._wp.vec3)
         self._mesh = self._wp.Mesh(points, self._upload(mesh.faces.ravel(), self._wp.int32))
-        self._x = self._upload(self._columns[:, 0], self._wp.float32)
-        self._y = self._upload(self._rows[:, 0], self._wp.float32)
+        self._x = self._upload(spec.directions[0, :, 0], self._wp.float32)
+        self._y = self._upload(spec.directions[:, 0, 1], self._wp.float32)
 
     def cast(self, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> RayHits:
         """Find the first triangle on each ray; see `DepthCamera.cast`."""

@@ -7,54 +7,64 @@ import gymnasium
 import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 
+from anm_gym.actions import FORWARD_STEP_M, TURN_STEP_DEG
 from anm_gym.envs.mesh_env import Observation
+from anm_gym.geometry import heading_towards, wrap_angle
 from anm_gym.map.frontier import Frontier, find_frontiers
-from anm_gym.map.reach import ReachableSpace, ReachSettings, reachable_space
+from anm_gym.map.reach import reachable_space
+from anm_gym.sim.geodesic import GridGraph, nearest_free_cell
 from anm_gym.wrappers.goal import Goal, GoalLimits, GoalWrapper
+
+TURN_COST_M: Final = FORWARD_STEP_M / np.deg2rad(TURN_STEP_DEG)
+"""A turn of a radian takes as many steps as a walk of this length, metres."""
+SAME_M: Final = 0.75
+"""Goals this close to each other are at the same frontier, metres."""
+SWEEP_REASON: Final = "sweep"
 
 
 @dataclass(frozen=True)
 class FrontierSettings:
     """How frontiers are filtered and chosen."""
 
-    min_size_m: float
-    """Shorter frontiers are ignored, metres."""
-    min_distance_m: float
-    """The nearest frontier at least this far is chosen; farther ones only if there is none, metres."""
-    only_reachable: bool
-    """Rank by the length of the path and ignore what cannot be reached; else by straight distance."""
-    blacklist_m: float
-    """Frontiers this close to a goal that failed are ignored, metres; 0 keeps all."""
-    look_outward: bool
-    """Look into the unknown on arrival."""
-    switch_share: float
-    """A review changes the goal only for one that is cheaper by this factor."""
     limits: GoalLimits
     """When a goal has ended."""
+    min_size_m: float = 0.0
+    """Shorter frontiers are ignored, metres."""
+    max_size_m: float = float("inf")
+    """Longer frontiers are cut into parts, metres."""
+    min_distance_m: float = 0.0
+    """The nearest frontier at least this far is chosen; if there is none, the farthest, metres."""
+    only_reachable: bool = False
+    """Rank by the cost of a way that the body fits through; else by a path of the free cells alone."""
+    size_exponent: float = 0.0
+    """Costs are divided by the frontier's length to this power; 0 goes to the nearest."""
+    blacklist_m: float = 0.0
+    """Frontiers this close to a goal that failed are ignored, metres; 0 keeps all."""
+    looks_outward: bool = False
+    """Look into the unknown on arrival."""
+    switch_share: float = 1.0
+    """A goal under way is dropped only for one that costs less than this share of it."""
+    sweeps: bool = False
+    """Turn once round at the start."""
 
 
 PRESETS: Final = {
     "paper": FrontierSettings(
-        min_size_m=0.0,
-        min_distance_m=1.0,
-        only_reachable=False,
-        blacklist_m=0.0,
-        look_outward=False,
-        switch_share=1.0,
-        limits=GoalLimits(arrival_m=0.2, timeout_steps=1000, review_steps=10),
+        limits=GoalLimits(arrival_m=0.1, timeout_steps=1000, review_steps=10), min_distance_m=1.0
     ),
     "strong": FrontierSettings(
+        limits=GoalLimits(arrival_m=0.3, timeout_steps=250, review_steps=5),
         min_size_m=0.4,
-        min_distance_m=0.0,
+        max_size_m=2.0,
         only_reachable=True,
         blacklist_m=0.5,
-        look_outward=True,
+        looks_outward=True,
         switch_share=0.7,
-        limits=GoalLimits(arrival_m=0.3, timeout_steps=250, review_steps=5),
     ),
 }
-"""`paper`: nearest frontier at least 1 m away, replanned every 10 steps, as the paper's baseline is
-run; `strong`: the nearest by path of those that can be reached, with a memory of failures (ours)."""
+"""`paper`: the nearest frontier at least 1 m away, replanned every 10 steps, whether or not the body can
+get there, as published baselines run it; `strong`: the nearest by path of those that can be reached,
+kept until another is clearly nearer, with a memory of failures (ours)."""
 
 
 @final
@@ -66,7 +76,8 @@ class FrontierGoalWrapper(GoalWrapper):
     Args:
         env: An exploration environment.
         preset: One of `PRESETS`.
-        seed: Seeds the fallback goals.
+        seed: Seeds what is drawn.
+        settings: Effective settings instead of the preset's.
 
     Raises:
         ValueError: If the preset is unknown.
@@ -83,55 +94,89 @@ class FrontierGoalWrapper(GoalWrapper):
     """
 
     def __init__(
-        self, env: gymnasium.Env[Observation, np.int64], preset: str = "strong", seed: int = 0
+        self,
+        env: gymnasium.Env[Observation, np.int64],
+        preset: str = "strong",
+        seed: int = 0,
+        settings: FrontierSettings | None = None,
     ) -> None:
-        RecordConstructorArgs.__init__(self, preset=preset, seed=seed)
+        RecordConstructorArgs.__init__(self, preset=preset, seed=seed, settings=settings)
         if preset not in PRESETS:
-            raise ValueError(f"unknown frontier preset {preset!r}; choose one of: {', '.join(sorted(PRESETS))}")
-        self.settings = PRESETS[preset]
+            raise ValueError(
+                f"unknown frontier preset {preset!r}; choose one of: {', '.join(sorted(PRESETS))}"
+            )
+        self.settings = settings or PRESETS[preset]
         super().__init__(env, limits=self.settings.limits, seed=seed)
 
     def _begin_episode(self) -> None:
-        pass
+        turns = (2.0 * np.pi / 3.0) * np.arange(3, 0, -1) if self.settings.sweeps else np.zeros(0)
+        self._sweep_rad = [wrap_angle(self.heading_rad + turn) for turn in turns]
 
     def _propose_goal(self) -> Goal | None:
+        if self._sweep_rad:
+            return Goal(self.position_xz, self._sweep_rad.pop(), SWEEP_REASON)
         ranked = self._ranked()
         return ranked[0][1] if ranked else None
 
     def _review_goal(self, goal: Goal) -> Goal | None:
-        settings = self.settings
+        if goal.reason == SWEEP_REASON:
+            return goal
         ranked = self._ranked()
         if not ranked:
-            return goal
+            return goal if goal.reason != "frontier" else None
         best_cost, best = ranked[0]
-        same = [cost for cost, other in ranked if np.linalg.norm(other.position_xz - goal.position_xz) < 0.75]
-        if goal.reason == "frontier" and same and best_cost > settings.switch_share * min(same):
+        same = [
+            cost for cost, other in ranked if np.linalg.norm(other.position_xz - goal.position_xz) < SAME_M
+        ]
+        if goal.reason == "frontier" and same and best_cost >= self.settings.switch_share * min(same):
             return goal
         return best
 
     def _ranked(self) -> list[tuple[float, Goal]]:
-        """Every frontier that qualifies with its cost, cheapest first."""
+        """Every frontier that qualifies with its cost, the best first."""
         settings, grid = self.settings, self.occupancy
-        space = reachable_space(grid, self.position_xz, ReachSettings()) if settings.only_reachable else None
-        frontiers = find_frontiers(grid.free, grid.unknown, grid.frame, settings.min_size_m)
-        ranked: list[tuple[float, Goal]] = []
+        frontiers = find_frontiers(
+            grid.free, grid.unknown, grid.frame, settings.min_size_m, settings.max_size_m
+        )
+        ranked = self._by_way(frontiers) if settings.only_reachable else self._by_free_path(frontiers)
+        ranked = [(cost, goal) for cost, goal in ranked if np.isfinite(cost) and not self._has_failed(goal)]
+        ranked.sort(key=lambda pair: pair[0])
+        far = [pair for pair in ranked if self._distance_m(pair[1]) >= settings.min_distance_m]
+        return far or ranked[::-1]
+
+    def _by_way(self, frontiers: list[Frontier]) -> list[tuple[float, Goal]]:
+        """Cost of the way to the middle of each frontier, the first turn included."""
+        space = reachable_space(self.occupancy, self.position_xz)
+        if space is None:
+            return []
+        ranked = []
         for frontier in frontiers:
-            cost = self._cost(frontier, space)
-            if np.isfinite(cost) and not self._has_failed(frontier):
-                heading = frontier.outward_rad if settings.look_outward else None
-                ranked.append((cost, Goal(frontier.center_xz, heading, "frontier")))
-        ranked.sort(key=lambda pair: (pair[0] < settings.min_distance_m, abs(pair[0])))
+            turn_rad = wrap_angle(heading_towards(self.position_xz, frontier.center_xz) - self.heading_rad)
+            cost = space.cost_to(frontier.center_xz, tolerance_m=0.3) + TURN_COST_M * abs(turn_rad)
+            heading = frontier.outward_rad if self.settings.looks_outward else None
+            goal = Goal(frontier.center_xz, heading, "frontier")
+            ranked.append((cost / frontier.size_m**self.settings.size_exponent, goal))
         return ranked
 
-    def _cost(self, frontier: Frontier, space: ReachableSpace | None) -> float:
-        if not self.settings.only_reachable:
-            return float(np.linalg.norm(frontier.center_xz - self.position_xz))
-        return float("inf") if space is None else space.cost_to(frontier.center_xz, tolerance_m=0.3)
+    def _by_free_path(self, frontiers: list[Frontier]) -> list[tuple[float, Goal]]:
+        """Length of a path of free cells to the nearest cell of each frontier."""
+        grid = self.occupancy
+        start = nearest_free_cell(grid.free, grid.frame.cells_of(self.position_xz)[0], 20)
+        if start is None:
+            return []
+        distance_m = GridGraph(grid.free, grid.cell_m).distance_from(start)
+        ranked = []
+        for frontier in frontiers:
+            lengths = distance_m[frontier.cells[:, 0], frontier.cells[:, 1]]
+            nearest = frontier.cells[int(lengths.argmin())]
+            ranked.append((float(lengths.min()), Goal(grid.frame.centers_of(nearest)[0], None, "frontier")))
+        return ranked
 
-    def _has_failed(self, frontier: Frontier) -> bool:
+    def _distance_m(self, goal: Goal) -> float:
+        return float(np.linalg.norm(goal.position_xz - self.position_xz))
+
+    def _has_failed(self, goal: Goal) -> bool:
         return any(
-            np.linalg.norm(frontier.center_xz - goal.position_xz) < self.settings.blacklist_m
-            for goal in self.failures
+            np.linalg.norm(goal.position_xz - failure.position_xz) < self.settings.blacklist_m
+            for failure in self.failures
         )
-
-

@@ -12,6 +12,7 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.geometry import forward_xz, heading_of, pointgoal, wrap_angle
@@ -49,7 +50,9 @@ class GoalLimits:
     """Steps between two reviews of a goal that is being approached."""
 
 
-class GoalWrapper(gymnasium.Wrapper[Observation, np.int64, Observation, np.int64], RecordConstructorArgs, ABC):
+class GoalWrapper(
+    gymnasium.Wrapper[Observation, np.int64, Observation, np.int64], RecordConstructorArgs, ABC
+):
     """Turn an exploration environment into a sequence of point goals.
 
     ## Observation
@@ -78,12 +81,12 @@ class GoalWrapper(gymnasium.Wrapper[Observation, np.int64, Observation, np.int64
         self.observation_space = spaces.Dict(
             {**env.observation_space.spaces, "pointgoal_with_gps_compass": goal_space}
         )
-        self.limits = limits
-        self.stopwatch = Stopwatch()
+        self.limits: GoalLimits = limits
+        self.stopwatch: Stopwatch = Stopwatch()
         self.compute_ms = self.stopwatch.compute_ms
-        self.rng = np.random.default_rng(seed)
-        self._seed = seed
-        self._has_neural_map = env.has_wrapper_attr("neural_map")
+        self.rng: np.random.Generator = np.random.default_rng(seed)
+        self._seed: int = seed
+        self._has_neural_map: bool = env.has_wrapper_attr("neural_map")
         self._grid: OccupancyGrid | None = None
         self._goal: Goal | None = None
         self.goals: list[Goal] = []
@@ -126,8 +129,10 @@ class GoalWrapper(gymnasium.Wrapper[Observation, np.int64, Observation, np.int64
         self.stopwatch.reset()
         self._grid, self._goal = None, None
         self.goals, self.failures = [], []
+        self._trail_xz: list[NDArray[np.float64]] = []
         self._look(observation, info)
         self._begin_episode()
+        self._see(observation)
         self._replace_goal()
         return self._with_goal(observation, info)
 
@@ -135,6 +140,7 @@ class GoalWrapper(gymnasium.Wrapper[Observation, np.int64, Observation, np.int64
         """Act, update the map, and replace the goal if it has ended."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         self._look(observation, info)
+        self._see(observation)
         self._goal_steps += 1
         if self._has_arrived():
             self._replace_goal()
@@ -155,14 +161,21 @@ class GoalWrapper(gymnasium.Wrapper[Observation, np.int64, Observation, np.int64
         self.failures.append(Goal(goal.position_xz, goal.heading_rad, reason))
         self._replace_goal()
 
-    def random_reachable_goal(self) -> Goal:
-        """A uniform reachable cell: what is left when a goal source has nothing to propose."""
-        space = reachable_space(self.occupancy, self.position_xz, ReachSettings(through_unknown=True))
+    def wander_goal(self) -> Goal:
+        """The reachable place farthest from the trail: what is left when a source has nothing to propose."""
+        space = reachable_space(self.occupancy, self.position_xz, ReachSettings())
         if space is None:
             return Goal(self.position_xz, wrap_angle(self.heading_rad + np.pi), "turn round")
-        cells = np.argwhere(space.reachable)
-        chosen = cells[self.rng.integers(len(cells))]
-        return Goal(space.frame.centers_of(chosen)[0], None, "random")
+        trail = space.frame.cells_of(
+            np.stack([*self._trail_xz, *(goal.position_xz for goal in self.failures)])
+        )
+        trail = trail[space.frame.contains(trail)]
+        unvisited = np.ones(space.frame.shape, bool)
+        unvisited[trail[:, 0], trail[:, 1]] = False
+        distance = ndimage.distance_transform_edt(unvisited)
+        farthest = np.argmax(np.where(space.reachable, distance, -1.0))
+        cell = np.unravel_index(farthest, space.frame.shape)
+        return Goal(space.frame.centers_of(cell)[0], None, "wander")
 
     @abstractmethod
     def _begin_episode(self) -> None:
@@ -176,8 +189,12 @@ class GoalWrapper(gymnasium.Wrapper[Observation, np.int64, Observation, np.int64
     def _review_goal(self, goal: Goal) -> Goal | None:
         """Look again at a goal under way: return it to keep it, another to change, None to propose."""
 
+    def _see(self, observation: Observation) -> None:
+        """Take note of an observation; for sources that need more than the map."""
+
     def _look(self, observation: Observation, info: dict[str, Any]) -> None:
         self._pose = observation["world_from_camera"].astype(np.float64)
+        self._trail_xz.append(self.position_xz)
         with self.stopwatch("occupancy"):
             if not self._has_neural_map:
                 camera = self.get_wrapper_attr("camera")
@@ -185,8 +202,14 @@ class GoalWrapper(gymnasium.Wrapper[Observation, np.int64, Observation, np.int64
                     self._grid = OccupancyGrid(floor_y_m=float(self._pose[1, 3]) - camera.sensor_height_m)
                 self._grid.integrate(observation["depth"], camera, self._pose)
             if info["collided"]:
-                ahead = self.position_xz + CONTACT_REACH_M * forward_xz(self.heading_rad)
-                self.occupancy.mark_blocked(ahead)
+                self._mark_contact()
+
+    def _mark_contact(self) -> None:
+        """Mark a short line across the way: what was touched is not in view."""
+        ahead = forward_xz(self.heading_rad)
+        left = forward_xz(self.heading_rad + np.pi / 2.0)
+        for side_m in (-self.occupancy.cell_m, 0.0, self.occupancy.cell_m):
+            self.occupancy.mark_blocked(self.position_xz + CONTACT_REACH_M * ahead + side_m * left)
 
     def _has_arrived(self) -> bool:
         goal = self.goal
@@ -195,7 +218,7 @@ class GoalWrapper(gymnasium.Wrapper[Observation, np.int64, Observation, np.int64
         if goal.heading_rad is None:
             return True
         error = abs(wrap_angle(goal.heading_rad - self.heading_rad))
-        return error <= np.deg2rad(self.limits.arrival_deg)
+        return bool(error <= np.deg2rad(self.limits.arrival_deg))
 
     def _review(self) -> None:
         with self.stopwatch("goal"):
@@ -208,13 +231,15 @@ class GoalWrapper(gymnasium.Wrapper[Observation, np.int64, Observation, np.int64
     def _replace_goal(self) -> None:
         with self.stopwatch("goal"):
             proposed = self._propose_goal()
-            self._set_goal(self.random_reachable_goal() if proposed is None else proposed)
+            self._set_goal(self.wander_goal() if proposed is None else proposed)
 
     def _set_goal(self, goal: Goal) -> None:
         self._goal, self._goal_steps = goal, 0
         self.goals.append(goal)
 
-    def _with_goal(self, observation: Observation, info: dict[str, Any]) -> tuple[Observation, dict[str, Any]]:
+    def _with_goal(
+        self, observation: Observation, info: dict[str, Any]
+    ) -> tuple[Observation, dict[str, Any]]:
         polar = pointgoal(self.position_xz, self.heading_rad, self.goal.position_xz)
         added = {"goal_distance_m": float(polar[0]), "goals_count": len(self.goals)}
         return {**observation, "pointgoal_with_gps_compass": polar}, {**info, **added}

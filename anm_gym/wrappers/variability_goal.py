@@ -16,7 +16,7 @@ from anm_gym.map.targets import (
     choose_target_view,
     propose_target_views,
 )
-from anm_gym.map.view_planner import ViewPlanner
+from anm_gym.map.view_planner import PlannerSettings, ViewPlanner
 from anm_gym.map.views import View
 from anm_gym.wrappers.goal import Goal, GoalLimits, GoalWrapper
 
@@ -47,7 +47,7 @@ class VariabilityGoalWrapper(GoalWrapper):
             plan the next best view.
         seed: Seeds what is drawn.
         targets: Effective cluster settings instead of the preset's.
-        planner: Effective view planner instead of the preset's.
+        planning: Effective settings of the view planner instead of the preset's.
 
     Raises:
         ValueError: If the preset is unknown or there is no neural map below.
@@ -71,16 +71,17 @@ class VariabilityGoalWrapper(GoalWrapper):
         preset: str = "best",
         seed: int = 0,
         targets: TargetSettings | None = None,
-        planner: ViewPlanner | None = None,
+        planning: PlannerSettings | None = None,
     ) -> None:
-        RecordConstructorArgs.__init__(self, preset=preset, seed=seed, targets=targets, planner=planner)
+        RecordConstructorArgs.__init__(self, preset=preset, seed=seed, targets=targets, planning=planning)
         choices = [*CLUSTER_PRESETS, *VIEW_PRESETS]
         if preset not in choices:
             raise ValueError(f"unknown goal preset {preset!r}; choose one of: {', '.join(sorted(choices))}")
         if not env.has_wrapper_attr("neural_map"):
             raise ValueError("`env` must have a neural map; wrap it in NeuralMapWrapper first")
         self.targets = targets or CLUSTER_PRESETS.get(preset)
-        self.planner = planner or ViewPlanner()
+        self.planning = planning or PlannerSettings()
+        self.planner = ViewPlanner(self.planning)
         super().__init__(env, limits=CLUSTER_LIMITS if self.targets else VIEW_LIMITS, seed=seed)
 
     def _begin_episode(self) -> None:

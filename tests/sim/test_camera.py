@@ -104,6 +104,7 @@ def test_a_batch_of_poses_gives_the_images_of_each(two_rooms, make_camera):
     batch = camera.render(poses)
     assert batch.shape == (3, 48, 64)
     np.testing.assert_array_equal(batch, [camera.render(pose) for pose in poses])
+    assert camera.render(poses[:0]).shape == (0, 48, 64)
 
 
 def test_the_same_pose_gives_the_same_image_and_images_are_not_shared(two_rooms, make_camera):

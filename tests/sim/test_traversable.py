@@ -1,4 +1,4 @@
-import pickle
+import copy
 
 import numpy as np
 import pytest
@@ -115,9 +115,17 @@ def test_a_storey_needs_a_floor(box_room):
         TraversableGrid.from_mesh(box_room(), 7.0)
 
 
-def test_a_body_survives_pickling():
+def test_a_mesh_in_millimetres_is_refused_before_it_fills_the_memory(box_room):
+    mesh = TriangleMesh(1000.0 * box_room().vertices, box_room().faces)
+    with pytest.raises(
+        SceneError, match=r"at most 25000000 cells, got 4000 x 4000 m .* check the mesh's `unit`"
+    ):
+        TraversableGrid.from_mesh(mesh, 0.0)
+
+
+def test_a_body_survives_a_deep_copy():
     body = BodySpec(radius_m=0.2)
-    assert pickle.loads(pickle.dumps(body)) == body
+    assert copy.deepcopy(body) == body
 
 
 @pytest.mark.parametrize("settings", [{"radius_m": 0.0}, {"climb_m": 1.5}, {"climb_m": -0.1}])

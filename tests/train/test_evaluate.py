@@ -125,13 +125,13 @@ def test_wrong_evaluation_is_refused(tmp_path, changes, message):
         make_evaluation(tmp_path, **changes)
 
 
-def run_tiny(out, *options):
-    scene = ["--scenes", "home:studio:1", "--steps", "8", "--seeds", "2", "--env", TINY_CAMERA]
+def run_tiny(room_file, out, *options):
+    scene = ["--scenes", str(room_file), "--steps", "8", "--seeds", "2", "--env", TINY_CAMERA]
     main([*scene, "--agents", "random,fbe", "--out", str(out), *options])
 
 
-def test_command_writes_rows_table_and_a_self_contained_report(tmp_path, capsys):
-    run_tiny(tmp_path / "run", "--workers", "0", "--json", str(tmp_path / "table.json"))
+def test_command_writes_rows_table_and_a_self_contained_report(tmp_path, room_file, capsys):
+    run_tiny(room_file, tmp_path / "run", "--workers", "0", "--json", str(tmp_path / "table.json"))
     rows = read_rows(tmp_path / "run" / ROWS_FILE)
     assert len(rows) == 4
     assert not any(row.get("error") for row in rows)
@@ -144,9 +144,9 @@ def test_command_writes_rows_table_and_a_self_contained_report(tmp_path, capsys)
     assert not re.search(r"https?://", report)
 
 
-def test_number_of_workers_changes_no_row(tmp_path):
+def test_number_of_workers_changes_no_row(tmp_path, room_file):
     for workers in ("1", "2"):
-        run_tiny(tmp_path / workers, "--workers", workers, "--no-pictures")
+        run_tiny(room_file, tmp_path / workers, "--workers", workers, "--no-pictures")
     one, two = (_untimed(read_rows(tmp_path / workers / ROWS_FILE)) for workers in ("1", "2"))
     assert one == two
 

@@ -14,8 +14,8 @@ def conditions():
     def play(job):
         import torch
 
-        denormal = torch.tensor([1e-40]) * 1.0
-        return os.environ.get("OMP_NUM_THREADS"), torch.get_num_threads(), float(denormal), job * job
+        keeps_subnormals = float(torch.tensor([1e-40]) * 1.0) > 0.0
+        return os.environ.get("OMP_NUM_THREADS"), torch.get_num_threads(), keeps_subnormals, job * job
 
     return play
 
@@ -25,9 +25,9 @@ def die():
     return lambda job: os._exit(9)
 
 
-def test_every_worker_has_one_thread_and_no_denormals(conditions):
+def test_every_worker_has_one_thread_and_keeps_subnormal_numbers(conditions):
     results = list(run_jobs(conditions, [2, 3, 4], workers=2))
-    assert sorted(results) == [(job, ("1", 1, 0.0, job * job)) for job in (2, 3, 4)]
+    assert sorted(results) == [(job, ("1", 1, True, job * job)) for job in (2, 3, 4)]
 
 
 def test_killed_worker_is_named(die):

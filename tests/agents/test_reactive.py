@@ -1,0 +1,66 @@
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from agents.batching import actions_for
+from agents.reactive import BumpAndTurnPolicy, RandomPolicy
+from anm_gym.actions import MOVES, Action
+from anm_gym.envs.explore import ExploreEnv
+from anm_gym.mesh import TriangleMesh
+
+SINGLE = {"compass": np.zeros(1, np.float32), "gps": np.zeros(2, np.float32)}
+
+
+def walk_to(policy: BumpAndTurnPolicy, gps: tuple[float, float]) -> Action:
+    action, _ = policy.predict({**SINGLE, "gps": np.array(gps, np.float32)})
+    return Action(int(action))
+
+
+def test_random_draws_the_three_moves_alike() -> None:
+    policy = RandomPolicy(seed=1)
+    drawn = [int(policy.predict(SINGLE)[0]) for _ in range(3000)]
+    counts = np.bincount(drawn, minlength=4)
+    assert counts[Action.STOP] == 0
+    assert (np.abs(counts[list(MOVES)] - 1000) < 100).all()
+
+
+def test_random_draws_anew_with_each_episode() -> None:
+    policy = RandomPolicy(seed=2)
+    first, second = (
+        [int(policy.predict(SINGLE, episode_start=np.array([step == 0]))[0]) for step in range(20)]
+        for _ in range(2)
+    )
+    assert first == second
+
+
+def test_agent_walks_until_a_step_is_blocked_then_turns_one_way() -> None:
+    policy = BumpAndTurnPolicy(seed=0)
+    assert walk_to(policy, (0.0, 0.0)) is Action.MOVE_FORWARD
+    assert walk_to(policy, (0.06, 0.0)) is Action.MOVE_FORWARD
+    turns = [walk_to(policy, (0.06, 0.0)) for _ in range(19)]
+    until = turns.index(Action.MOVE_FORWARD)
+    assert 3 <= until <= 18
+    assert len(set(turns[:until])) == 1
+
+
+def test_bump_and_turn_gets_about_in_a_room(
+    explore: Callable[..., ExploreEnv], box_room: Callable[..., TriangleMesh]
+) -> None:
+    env, policy = explore(box_room(), start=(0.0, 0.0, 0.0)), BumpAndTurnPolicy(seed=0)
+    observation, info = env.reset(seed=0)
+    for step in range(300):
+        action, _ = policy.predict(observation, None, np.array([step == 0]))
+        observation, _, _, _, info = env.step(np.int64(action))
+    assert info["path_length_m"] > 8.0
+    assert info["collisions"] < 20
+
+
+def test_action_has_the_shape_of_the_observation() -> None:
+    assert actions_for(SINGLE, Action.TURN_LEFT).shape == ()
+    assert actions_for({"compass": np.zeros((1, 1))}, Action.TURN_LEFT).tolist() == [2]
+
+
+def test_one_agent_is_for_one_environment() -> None:
+    with pytest.raises(ValueError, match="must be of one environment, got 2"):
+        actions_for({"compass": np.zeros((2, 1))}, Action.TURN_LEFT)

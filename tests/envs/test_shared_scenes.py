@@ -1,0 +1,40 @@
+"""Scenes are made once and shared, unless their file has changed."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from anm_gym.envs.explore import ExploreEnv
+from anm_gym.envs.shared_scenes import shared_scene
+from anm_gym.errors import SceneError
+from anm_gym.mesh import TriangleMesh
+
+Y_UP = {"up_axis": "y"}
+
+
+def test_environments_of_a_process_share_a_scene_but_not_an_agent(explore: Callable[..., ExploreEnv]) -> None:
+    first, second = explore(), explore()
+    assert first.scene is second.scene
+    assert first.simulator is not second.simulator
+
+
+def test_other_options_make_another_scene(room: str) -> None:
+    assert shared_scene(room, Y_UP) is shared_scene(room, dict(Y_UP))
+    assert shared_scene(room, Y_UP) is not shared_scene(room, {**Y_UP, "unit": "m"})
+
+
+def test_changed_file_is_read_again(
+    box_room: Callable[..., TriangleMesh], write_mesh: Callable[[TriangleMesh, Path], str], tmp_path: Path
+) -> None:
+    name = write_mesh(box_room(), tmp_path / "box.ply")
+    before = shared_scene(name, Y_UP)
+    write_mesh(box_room(width_m=6.0), tmp_path / "box.ply")
+    os.utime(name, (1, 1))
+    assert shared_scene(name, Y_UP).mesh.bounds[1, 0] == pytest.approx(before.mesh.bounds[1, 0] + 1.0)
+
+
+def test_unknown_scene_is_an_error_when_the_environment_is_made() -> None:
+    with pytest.raises(SceneError, match="tier"):
+        ExploreEnv("home:castle:0")

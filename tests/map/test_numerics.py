@@ -1,0 +1,30 @@
+import numpy as np
+import torch
+from scipy.spatial import cKDTree
+
+from anm_gym.map.numerics import flushed_subnormals, has_fast_bfloat16, workers_flush_subnormals
+
+
+def is_flushing() -> bool:
+    return not bool((torch.tensor([1e-40]) * 1.0).count_nonzero())
+
+
+def test_subnormals_are_flushed_inside_the_block_alone() -> None:
+    assert not is_flushing()
+    with flushed_subnormals():
+        assert is_flushing()
+        with flushed_subnormals():
+            pass
+        assert is_flushing()
+    assert not is_flushing()
+
+
+def test_a_search_tree_over_equal_coordinates_can_be_built_after_the_pool_was_started() -> None:
+    workers_flush_subnormals()
+    points = np.zeros((5000, 3))
+    points[:, 0] = np.linspace(0.0, 1.0, 5000)
+    assert cKDTree(points).query([0.5, 0.0, 0.0])[0] < 1e-3
+
+
+def test_bfloat16_is_only_claimed_where_the_processor_has_it() -> None:
+    assert isinstance(has_fast_bfloat16(torch.device("cpu")), bool)

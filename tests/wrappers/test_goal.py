@@ -1,0 +1,175 @@
+from collections.abc import Callable
+from typing import Any, final
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils import RecordConstructorArgs
+
+from anm_gym.actions import Action
+from anm_gym.envs.explore import ExploreEnv
+from anm_gym.geometry import pointgoal
+from anm_gym.mesh import TriangleMesh
+from anm_gym.wrappers.goal import Goal, GoalLimits, GoalWrapper
+
+LIMITS = GoalLimits(arrival_m=0.2, timeout_steps=30, review_steps=7)
+START = (0.0, 0.5, 0.0)
+
+
+@final
+class ScriptedGoals(GoalWrapper):
+    """Propose a list of goals, then nothing."""
+
+    def __init__(self, env: gymnasium.Env[Any, Any], script: list[Goal], limits: GoalLimits = LIMITS) -> None:
+        RecordConstructorArgs.__init__(self, script=script, limits=limits)
+        super().__init__(env, limits=limits, seed=0)
+        self.script = script
+        self.review: Callable[[Goal], Goal | None] = lambda goal: goal
+        self.observations = 0
+
+    def _begin_episode(self) -> None:
+        self.waiting = list(self.script)
+
+    def _see(self, observation: Any) -> None:
+        self.observations += 1
+
+    def _propose_goal(self) -> Goal | None:
+        return self.waiting.pop(0) if self.waiting else None
+
+    def _review_goal(self, goal: Goal) -> Goal | None:
+        return self.review(goal)
+
+
+def goal(x: float, z: float, heading_rad: float | None = None) -> Goal:
+    return Goal(np.array([x, z]), heading_rad, "script")
+
+
+@pytest.fixture
+def scripted(
+    explore: Callable[..., ExploreEnv], box_room: Callable[..., TriangleMesh]
+) -> Callable[..., ScriptedGoals]:
+    """Give `scripted([goals])`: an agent at (0, 0.5) looking along -z in a room of 4 x 4 m."""
+    return lambda script, **options: ScriptedGoals(explore(box_room(), start=START), script, **options)
+
+
+def walk(env: GoalWrapper, steps: int, action: Action = Action.MOVE_FORWARD) -> dict[str, Any]:
+    for _ in range(steps):
+        _, _, _, _, info = env.step(np.int64(action))
+    return info
+
+
+def test_observation_points_to_the_goal_and_fits_its_space(scripted: Callable[..., ScriptedGoals]) -> None:
+    env = scripted([goal(-1.0, 0.5)])
+    observation, info = env.reset(seed=0)
+    assert observation["pointgoal_with_gps_compass"] == pytest.approx([1.0, np.pi / 2], abs=1e-6)
+    assert observation["pointgoal_with_gps_compass"] == pytest.approx(pointgoal(START[:2], 0.0, (-1.0, 0.5)))
+    assert env.observation_space.contains(observation)
+    assert info["goal_distance_m"] == pytest.approx(1.0)
+    assert info["goals_count"] == 1
+
+
+def test_arrival_brings_the_next_goal(scripted: Callable[..., ScriptedGoals]) -> None:
+    env = scripted([goal(0.0, 0.0), goal(1.0, 1.0)])
+    env.reset(seed=0)
+    assert walk(env, 4)["goals_count"] == 1
+    assert walk(env, 1)["goals_count"] == 2
+    assert env.goal.position_xz.tolist() == [1.0, 1.0]
+    assert env.failures == []
+
+
+def test_goal_with_a_heading_is_reached_only_when_it_is_looked_at(
+    scripted: Callable[..., ScriptedGoals],
+) -> None:
+    env = scripted([goal(0.0, 0.5, np.deg2rad(30.0)), goal(1.0, 1.0)])
+    env.reset(seed=0)
+    assert walk(env, 1, Action.TURN_LEFT)["goals_count"] == 1
+    assert walk(env, 1, Action.TURN_LEFT)["goals_count"] == 2
+
+
+def test_goal_times_out(scripted: Callable[..., ScriptedGoals]) -> None:
+    env = scripted([goal(1.5, 1.5), goal(-1.5, 1.5)])
+    env.reset(seed=0)
+    walk(env, 29, Action.TURN_LEFT)
+    assert env.failures == []
+    walk(env, 1, Action.TURN_LEFT)
+    assert [failure.reason for failure in env.failures] == ["timeout"]
+    assert env.goal.position_xz.tolist() == [-1.5, 1.5]
+
+
+def test_unreachable_goal_is_replaced_at_once(scripted: Callable[..., ScriptedGoals]) -> None:
+    env = scripted([goal(9.0, 9.0), goal(1.0, 1.0)])
+    env.reset(seed=0)
+    env.report_unreachable("no way")
+    assert [failure.reason for failure in env.failures] == ["no way"]
+    assert env.goal.position_xz.tolist() == [1.0, 1.0]
+
+
+def test_review_may_change_the_goal(scripted: Callable[..., ScriptedGoals]) -> None:
+    env = scripted([goal(1.5, 1.5)])
+    env.reset(seed=0)
+    env.review = lambda _: goal(-1.0, -1.0)
+    assert walk(env, 6, Action.TURN_LEFT)["goals_count"] == 1
+    assert walk(env, 1, Action.TURN_LEFT)["goals_count"] == 2
+    assert env.goal.position_xz.tolist() == [-1.0, -1.0]
+
+
+def test_review_may_ask_for_another_proposal(scripted: Callable[..., ScriptedGoals]) -> None:
+    env = scripted([goal(1.5, 1.5), goal(0.3, -1.0)])
+    env.reset(seed=0)
+    env.review = lambda _: None
+    walk(env, 7, Action.TURN_LEFT)
+    assert env.goal.position_xz.tolist() == [0.3, -1.0]
+    assert env.failures == []
+
+
+def test_source_without_proposal_wanders_to_known_floor_far_from_the_trail(
+    scripted: Callable[..., ScriptedGoals],
+) -> None:
+    env = scripted([])
+    env.reset(seed=0)
+    assert env.goal.reason == "wander"
+    assert np.linalg.norm(env.goal.position_xz - START[:2]) > 1.5
+    assert (np.abs(env.goal.position_xz) < 2.0).all()
+
+
+def test_every_observation_is_mapped_and_seen(scripted: Callable[..., ScriptedGoals]) -> None:
+    env = scripted([goal(1.5, 1.5)])
+    env.reset(seed=0)
+    walk(env, 3)
+    assert env.observations == 4
+    assert env.occupancy.version == 4
+
+
+def test_contact_is_marked_ahead(scripted: Callable[..., ScriptedGoals]) -> None:
+    env = scripted([goal(0.0, -3.0)], limits=GoalLimits(timeout_steps=99))
+    env.reset(seed=0)
+    before = env.occupancy.version
+    assert walk(env, 40)["collided"]
+    assert env.occupancy.version > before + 40
+
+
+def test_compute_is_kept_outside_info(scripted: Callable[..., ScriptedGoals]) -> None:
+    env = scripted([goal(1.5, 1.5)])
+    env.reset(seed=0)
+    info = walk(env, 2)
+    assert set(env.compute_ms) == {"occupancy", "goal"}
+    assert {"goal_distance_m", "goals_count"} <= set(info)
+    assert all(type(value) in (bool, int, float) for value in info.values())
+
+
+def test_new_episode_forgets_the_last(scripted: Callable[..., ScriptedGoals]) -> None:
+    env = scripted([goal(1.5, 1.5), goal(-1.5, 1.5)])
+    env.reset(seed=0)
+    env.report_unreachable("no way")
+    env.reset(seed=0)
+    assert len(env.goals) == 1
+    assert env.failures == []
+    assert env.occupancy.version == 1
+
+
+def test_nothing_is_known_before_reset(scripted: Callable[..., ScriptedGoals]) -> None:
+    env = scripted([])
+    with pytest.raises(gymnasium.error.ResetNeeded, match="no goal yet"):
+        _ = env.goal
+    with pytest.raises(gymnasium.error.ResetNeeded, match="no map yet"):
+        _ = env.occupancy
