@@ -117,6 +117,7 @@ class NeuralMap:
         Source:
             Active Neural Mapping, Sec. 4.1, Eq. 3.
         """
+        sampling = self.settings.sampling
         with self.stopwatch("observe"):
             is_keyframe = self._admit(depth_m, world_from_camera)
             self._log(depth_m, world_from_camera)
@@ -124,10 +125,8 @@ class NeuralMap:
             before, terms = self._weights(), None
             for _ in range(iterations := self._iterations(is_keyframe)):
                 window = self.frames.window(self._generator)
-                pixels = self.frames.sample_pixels(
-                    window, self.settings.sampling.rays_per_frame, self._generator
-                )
-                rays = sample_rays(pixels, self.settings.sampling, self._generator)
+                pixels = self.frames.sample_pixels(window, sampling.rays_of_each(len(window)), self._generator)
+                rays = sample_rays(pixels, sampling, self._generator)
                 if len(rays.points) == 0:
                     break
                 terms = self._loss(rays, is_keyframe)

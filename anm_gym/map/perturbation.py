@@ -67,8 +67,9 @@ def variability(field: SoftplusField, points: Tensor, draws: Tensor, settings: V
     Source:
         Active Neural Mapping, Eq. 4.
     """
-    chunks = points.split(CHUNK_POINTS)
-    return torch.cat([_spread(field, chunk, draws, settings) for chunk in chunks]) if chunks else points[:, 0]
+    if len(points) == 0:
+        return points[:, 0]
+    return torch.cat([_spread(field, chunk, draws, settings) for chunk in points.split(CHUNK_POINTS)])
 
 
 @torch.no_grad()

@@ -67,6 +67,8 @@ class SamplingSettings:
     """Nearest valid depth, metres."""
     max_depth_m: float = 8.0
     """Farthest valid depth, metres."""
+    fill_window: bool = False
+    """Share out the rays of a full window while there are fewer frames (ours)."""
     weighted_replay: bool = True
     """Draw replayed keyframes in proportion to their last loss; False draws them uniformly."""
 
@@ -75,6 +77,12 @@ class SamplingSettings:
             raise ValueError(f"`window_frames` must be >= 3, got {self.window_frames}")
         if self.rays_per_frame < 1 or self.stratified < 1 or self.near_surface < 1:
             raise ValueError("`rays_per_frame`, `stratified` and `near_surface` must be >= 1")
+
+    def rays_of_each(self, num_frames: int) -> int:
+        """Pixels drawn of each frame of a window with `num_frames` frames."""
+        if not self.fill_window:
+            return self.rays_per_frame
+        return max(self.rays_per_frame, self.rays_per_frame * self.window_frames // num_frames)
 
     @property
     def samples_per_ray(self) -> int:
@@ -208,18 +216,20 @@ RELEASED: Final = MapSettings(
 )
 FAST: Final = MapSettings(
     preset="fast",
-    sampling=SamplingSettings(window_frames=8, rays_per_frame=24, stratified=5, near_surface=3),
+    sampling=SamplingSettings(
+        window_frames=8, rays_per_frame=24, stratified=5, near_surface=3, fill_window=True
+    ),
     loss=LossSettings(distance_target="cloud", regress_free_space=True, gradient_share=0.25),
     schedule=ScheduleSettings(
         first_iterations=150,
         iterations=4,
-        keyframe_iterations=10,
+        keyframe_iterations=6,
         learning_rate=0.0015,
         output_noise=0.0,
         keyframe_output_noise=0.0,
         bfloat16=True,
     ),
-    keyframes=KeyframeSettings(test="surface", rays=200),
+    keyframes=KeyframeSettings(test="surface", rays=200, relative_error=0.05, max_interval=50),
     variability=VariabilitySettings(family="laplace", draws=128),
 )
 BEST: Final = replace(FAST, preset="best")

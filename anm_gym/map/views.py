@@ -32,7 +32,7 @@ class ViewSettings:
     """Surface points that are scored."""
     max_places: int = 80
     """Places that are scored."""
-    fixed_cost_steps: float = 12.0
+    fixed_cost_steps: float = 18.0
     """Added to each cost, so that a glance close by does not beat a good view, steps."""
     num_headings: int = 36
     """Headings of each place."""

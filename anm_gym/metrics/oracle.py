@@ -84,7 +84,6 @@ class GreedyCoverage:
         self._ways = WayPlanner(table, grid)
         self._blocks = SampleBlocks(table.points)
         self._tour_bits = np.ascontiguousarray(table.bits[:, :, :: self.settings.tour_stride])
-        self._known_ways: dict[tuple[Pose, Pose], Way] = {}
         self.reset()
 
     def reset(self) -> None:
@@ -93,6 +92,7 @@ class GreedyCoverage:
         self._is_open = np.ones(self._table.bits.shape[:2], bool)
         self._rng = np.random.default_rng(self._seed)
         self._tour: Tour | None = None
+        self._known_ways: dict[tuple[Pose, Pose], Way] = {}
         self._num_frames = 0
 
     @property

@@ -53,7 +53,7 @@ PRESETS: Final = {
         limits=GoalLimits(arrival_m=0.1, timeout_steps=1000, review_steps=10), min_distance_m=1.0
     ),
     "strong": FrontierSettings(
-        limits=GoalLimits(arrival_m=0.3, timeout_steps=250, review_steps=5),
+        limits=GoalLimits(arrival_m=0.3, timeout_steps=600, review_steps=5),
         min_size_m=0.4,
         max_size_m=2.0,
         only_reachable=True,

@@ -25,6 +25,12 @@ def test_no_sample_lies_farther_behind_than_allowed(store: FrameStore, generator
     assert behind_depth.max() <= 0.05 + 1e-5
 
 
+def test_a_window_with_few_frames_shares_out_its_rays() -> None:
+    ours = SamplingSettings(window_frames=8, rays_per_frame=24, fill_window=True)
+    assert [ours.rays_of_each(count) for count in (1, 2, 8)] == [192, 96, 24]
+    assert SamplingSettings().rays_of_each(1) == 200
+
+
 def test_stratified_samples_cover_the_whole_ray(store: FrameStore, generator: torch.Generator) -> None:
     pixels = store.sample_pixels(torch.arange(5), 50, generator)
     rays = sample_rays(pixels, SamplingSettings(near_surface=1, stratified=10), generator)

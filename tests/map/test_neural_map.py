@@ -1,0 +1,144 @@
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from anm_gym.errors import MapError
+from anm_gym.geometry import CameraSpec
+from anm_gym.map.neural_map import NeuralMap
+from anm_gym.map.settings import MapSettings, ScheduleSettings, map_settings
+
+RoomDistance = Callable[[np.ndarray], np.ndarray]
+
+
+def small(preset: str = "fast", **schedule: float) -> MapSettings:
+    """A preset with a narrow network."""
+    settings = map_settings(preset)
+    return replace(
+        settings,
+        field=replace(settings.field, width=64),
+        schedule=replace(settings.schedule, **schedule),
+    )
+
+
+@pytest.fixture(scope="module")
+def learned(tour) -> NeuralMap:
+    """A map of the room, learned in two turns."""
+    neural_map = NeuralMap(map_settings("fast"), tour.camera)
+    for _ in range(2):
+        for depth, pose in zip(tour.depths, tour.poses, strict=True):
+            neural_map.integrate(depth, pose)
+    return neural_map
+
+
+def test_surface_of_a_box_room_is_learned_to_four_centimetres(learned: NeuralMap) -> None:
+    assert np.abs(learned.sdf(learned.cloud.points)).mean() < 0.04
+
+
+def test_distances_inside_a_box_room_are_learned_to_eight_centimetres(
+    learned: NeuralMap, room_distance: RoomDistance, rng: np.random.Generator
+) -> None:
+    points = rng.uniform([-1.7, 0.2, -1.2], [1.7, 2.3, 1.2], (500, 3)).astype(np.float32)
+    predicted = learned.sdf(points)
+    assert np.abs(predicted - room_distance(points)).mean() < 0.08
+    assert (predicted > 0.0).mean() > 0.99
+
+
+def test_gradient_points_away_from_the_nearest_wall(learned: NeuralMap) -> None:
+    near_wall = np.array([[1.8, 1.2, 0.0], [-1.8, 1.3, 0.1], [0.0, 1.2, 1.3]], np.float32)
+    inward = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+    gradient = learned.gradient(near_wall)
+    cosine = (gradient * inward).sum(axis=1) / np.linalg.norm(gradient, axis=1)
+    assert (cosine > 0.9).all()
+
+
+def test_mesh_lies_on_the_walls(learned: NeuralMap, room_distance: RoomDistance) -> None:
+    surface = learned.mesh(voxel_m=0.1)
+    assert np.abs(room_distance(surface.vertices)).mean() < 0.05
+    assert len(surface.faces) > 1000
+
+
+def test_surface_never_seen_is_more_variable_than_surface_seen(learned: NeuralMap) -> None:
+    seen = learned.cloud.points[::50]
+    outside = seen + np.array([6.0, 0.0, 6.0], np.float32)
+    assert np.median(learned.variability(outside)) > 3.0 * np.median(learned.variability(seen))
+
+
+def test_same_seed_learns_the_same_map_bit_for_bit(tour) -> None:
+    points = tour.poses[0][None, :3, 3]
+    settings = small(first_iterations=5, iterations=2)
+    predictions = []
+    for _ in range(2):
+        neural_map = NeuralMap(settings, tour.camera, seed=4)
+        for depth, pose in zip(tour.depths[:4], tour.poses[:4], strict=True):
+            neural_map.integrate(depth, pose)
+        predictions.append(neural_map.sdf(points))
+    assert predictions[0] == predictions[1]
+    other = NeuralMap(settings, tour.camera, seed=5)
+    other.integrate(tour.depths[0], tour.poses[0])
+    assert other.sdf(points) != predictions[0]
+
+
+@pytest.mark.parametrize("preset", ["paper", "released"])
+def test_paper_and_released_presets_learn(preset: str, tour) -> None:
+    settings = small(preset, first_iterations=20, iterations=2, keyframe_iterations=4)
+    neural_map = NeuralMap(settings, tour.camera)
+    updates = [
+        neural_map.integrate(depth, pose) for depth, pose in zip(tour.depths[:5], tour.poses[:5], strict=True)
+    ]
+    assert updates[0].iterations == 20
+    assert all(update.iterations == (4 if update.is_keyframe else 2) for update in updates[1:])
+    assert min(updates[-1].distance_loss, updates[-1].eikonal_loss, updates[-1].normal_loss) > 0.0
+
+
+def test_views_of_something_new_become_keyframes(tour) -> None:
+    neural_map = NeuralMap(map_settings("fast"), tour.camera)
+    updates = [neural_map.integrate(d, p) for d, p in zip(tour.depths, tour.poses, strict=True)]
+    assert neural_map.num_keyframes == sum(update.is_keyframe for update in updates) >= 2
+    assert len(neural_map.frames) == neural_map.num_keyframes + 1
+
+
+def test_keyframe_is_forced_after_its_interval(tour) -> None:
+    settings = small(first_iterations=1, iterations=1, keyframe_iterations=1)
+    settings = replace(
+        settings, keyframes=replace(settings.keyframes, explained_share=0.0, max_interval=3)
+    )
+    neural_map = NeuralMap(settings, tour.camera)
+    flags = [neural_map.integrate(tour.depths[0], tour.poses[0]).is_keyframe for _ in range(9)]
+    assert flags == [False, False, False, False, True, False, False, False, True]
+
+
+def test_frame_without_depth_changes_no_weight(tour) -> None:
+    neural_map = NeuralMap(small(first_iterations=3), tour.camera)
+    before = neural_map.sdf(np.zeros((1, 3)))
+    update = neural_map.integrate(np.zeros((64, 64), np.float32), tour.poses[0])
+    assert update.iterations == 0
+    neural_map.field.encoding.center_m.zero_()
+    assert neural_map.sdf(np.zeros((1, 3))) == before
+
+
+def test_bfloat16_stays_close_to_float32(tour) -> None:
+    distances = []
+    for bfloat16 in (True, False):
+        neural_map = NeuralMap(small(first_iterations=200, bfloat16=bfloat16), tour.camera)
+        neural_map.integrate(tour.depths[0], tour.poses[0])
+        distances.append(neural_map.sdf(neural_map.cloud.points))
+    assert np.abs(distances[0]).mean() < 0.05
+    assert np.abs(distances[0] - distances[1]).mean() < 0.05
+
+
+def test_map_before_its_first_frame_says_so() -> None:
+    neural_map = NeuralMap(small(), CameraSpec(width_px=8, height_px=8))
+    with pytest.raises(MapError, match="the map must have seen a frame; call `integrate` first"):
+        _ = neural_map.occupancy
+
+
+def test_points_of_another_shape_are_refused(learned: NeuralMap) -> None:
+    with pytest.raises(ValueError, match=r"`points` must have shape \(N, 3\), got \(3,\)"):
+        learned.sdf(np.zeros(3))
+
+
+def test_compute_is_counted_by_module(learned: NeuralMap) -> None:
+    assert set(learned.stopwatch.compute_ms) == {"observe", "learn"}
+    assert ScheduleSettings().iterations == 10

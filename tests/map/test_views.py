@@ -1,0 +1,64 @@
+import numpy as np
+import pytest
+
+from anm_gym.geometry import CameraSpec
+from anm_gym.map.views import ViewSettings, expected_visibility, gains_by_heading, rank_views, view_costs
+from anm_gym.map.volume import ObservedVolume
+
+SETTINGS = ViewSettings()
+CAMERA = CameraSpec()
+
+
+@pytest.fixture
+def volume(tour) -> ObservedVolume:
+    log = ObservedVolume(tour.camera)
+    for depth, pose in zip(tour.depths, tour.poses, strict=True):
+        log.integrate(depth, pose)
+    return log
+
+
+def test_wall_hides_what_is_behind_it(volume: ObservedVolume) -> None:
+    place = np.array([[0.0, 1.25, 0.0]])
+    points = np.array([[1.9, 1.3, 0.0], [3.0, 1.3, 0.0], [0.0, 1.3, -1.4]], np.float32)
+    visibility = expected_visibility(place, points, volume, SETTINGS)
+    assert visibility[0].tolist() == [1.0, 0.0, 1.0]
+
+
+def test_hope_fades_through_unknown_space(volume: ObservedVolume) -> None:
+    place = np.array([[50.0, 1.25, 50.0]])
+    points = np.array([[51.0, 1.25, 50.0], [53.0, 1.25, 50.0], [60.0, 1.25, 50.0]], np.float32)
+    near, far, out_of_range = expected_visibility(place, points, volume, SETTINGS)[0]
+    assert 0.0 < far < near < 1.0
+    assert out_of_range == 0.0
+
+
+def test_gain_of_a_heading_is_the_weight_inside_the_image() -> None:
+    place = np.zeros((1, 3))
+    points = np.array([[0.0, 0.0, -2.0], [-2.0, 0.0, 0.0], [0.5, 3.0, -0.5]], np.float32)
+    weights = np.array([1.0, 10.0, 100.0], np.float32)
+    gains = gains_by_heading(place, points, weights, np.ones((1, 3), np.float32), CAMERA, SETTINGS)[0]
+    ahead, left, behind = gains[0], gains[9], gains[18]
+    assert (ahead, left, behind) == (1.0, 10.0, 0.0)
+    assert gains.max() < 100.0
+    assert gains[3] == 1.0
+    assert gains[6] == 10.0
+
+
+def test_costs_count_steps_and_turns() -> None:
+    positions = np.array([[0.0, 0.0], [0.0, -1.3]])
+    costs = view_costs(positions, np.array([0.0, 1.3]), np.zeros(2), 0.0, SETTINGS)
+    assert costs[0, 0] == 0.0
+    assert np.isclose(costs[0, 9], 9.0)
+    assert np.isclose(costs[1, 0], 20.0)
+    assert np.isclose(costs[1, 18], 38.0)
+
+
+def test_best_view_has_the_highest_gain_per_step() -> None:
+    positions = np.array([[0.0, 0.0], [0.0, -1.0]])
+    gains, costs = np.zeros((2, 36)), np.full((2, 36), 10.0)
+    gains[0, 3], gains[1, 9] = 5.0, 8.0
+    costs[1, 9] = 30.0
+    best, utilities = rank_views(positions, gains, costs, SETTINGS)
+    assert best.position_xz.tolist() == [0.0, 0.0]
+    assert np.isclose(best.heading_rad, np.deg2rad(30.0))
+    assert np.isclose(best.utility, utilities.max())

@@ -1,0 +1,59 @@
+import numpy as np
+import pytest
+
+from anm_gym.metrics.view_table import ViewTable, pack
+from anm_gym.metrics.ways import WayPlanner
+from anm_gym.sim.traversable import TraversableGrid
+
+POSITIONS = np.array([[-4.0, 0.0], [-2.0, 0.0], [0.0, 0.0], [2.0, 0.0], [4.0, 0.0]])
+LEFT, AHEAD_X = 1, 3  # of four headings: along -x, along +x
+
+
+@pytest.fixture
+def table():
+    """Give five positions along a corridor; each pose covers the one sample that bears its number."""
+    bits = pack(np.eye(20, dtype=bool)).reshape(5, 4, 1)
+    return ViewTable(np.zeros((20, 3)), POSITIONS, np.arange(4) * np.pi / 2, bits)
+
+
+@pytest.fixture
+def planner(table, corridor):
+    grid = TraversableGrid.from_mesh(corridor, 0.0)
+    return WayPlanner(table, grid, waypoint_m=2.0, forward_step_m=0.1, turn_step_rad=np.pi / 18)
+
+
+def test_a_straight_way_costs_its_length_and_its_turns(planner, table):
+    place = planner.place(np.array([-4.0, 0.0]), -np.pi / 2)
+    way = planner.way(place, (4, AHEAD_X), table.bits)
+    assert way.cost_steps == pytest.approx(80.0, rel=0.02, abs=3.0)
+    back = planner.way(place, (4, LEFT), table.bits)
+    assert back.cost_steps == pytest.approx(way.cost_steps + 18.0, abs=2.0)
+
+
+def test_the_poses_on_the_way_and_of_the_turn_count(planner, table):
+    place = planner.place(np.array([-4.0, 0.0]), -np.pi / 2)
+    bits = planner.way(place, (4, 0), table.bits).bits
+    seen = np.flatnonzero(np.unpackbits(bits.view(np.uint8), bitorder="little"))
+    assert seen.tolist() == [4 + AHEAD_X, 8 + AHEAD_X, 12 + AHEAD_X, 16 + 0, 16 + AHEAD_X]
+
+
+def test_turning_in_place_costs_its_angle_alone(planner, table):
+    place = planner.place_at((2, 0))
+    assert planner.way(place, (2, 1), table.bits).cost_steps == pytest.approx(9.0, abs=1e-9)
+
+
+def test_direct_costs_are_those_of_straight_ways(planner, table):
+    place = planner.place_at((0, AHEAD_X))
+    costs = planner.direct_costs(place)
+    assert costs.shape == (5, 4)
+    assert costs[3, AHEAD_X] == pytest.approx(60.0, abs=2.0)
+    assert costs[3, LEFT] == pytest.approx(78.0, abs=2.0)
+    assert costs[0, AHEAD_X] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_beside_the_floor_there_is_no_place(planner):
+    assert planner.place(np.array([0.0, 30.0]), 0.0) is None
+
+
+def test_positions_are_found_by_distance(planner):
+    assert sorted(planner.positions_within(np.array([-3.0, 0.0]), 1.1)) == [0, 1]

@@ -1,0 +1,79 @@
+from dataclasses import replace
+
+import gymnasium
+import numpy as np
+import pytest
+
+from anm_gym.map.targets import PAPER_TARGETS
+from anm_gym.wrappers.neural_map import NeuralMapWrapper
+from anm_gym.wrappers.variability_goal import VariabilityGoalWrapper
+
+SCENE = "home:studio:0"
+CAMERA = {"width_px": 48, "height_px": 48}
+
+
+def mapped() -> NeuralMapWrapper:
+    explore = gymnasium.make("anm_gym:ANM/Explore-v0", scene=SCENE, camera=CAMERA)
+    return NeuralMapWrapper(explore, preset="fast")
+
+
+def turn_round(env: VariabilityGoalWrapper, steps: int = 4) -> None:
+    for _ in range(steps):
+        env.step(np.int64(2))
+
+
+def test_best_view_is_on_known_free_floor_with_a_heading() -> None:
+    env = VariabilityGoalWrapper(mapped(), preset="best")
+    observation, _ = env.reset(seed=0)
+    turn_round(env)
+    goal = env.goal
+    assert goal.reason in {"view", "wander"}
+    assert observation["pointgoal_with_gps_compass"].dtype == np.float32
+    cell = env.occupancy.frame.cells_of(goal.position_xz)[0]
+    assert env.occupancy.clearance_m[cell[0], cell[1]] > 0.05
+
+
+def test_paper_goal_is_a_cluster_of_variable_surface() -> None:
+    env = VariabilityGoalWrapper(mapped(), preset="paper", targets=replace(PAPER_TARGETS, resolution=24))
+    env.reset(seed=0)
+    assert env.goal.reason in {"cluster", "wander"}
+    assert env.limits.arrival_m == 0.8
+
+
+def test_clusters_near_a_failure_are_not_proposed_again() -> None:
+    env = VariabilityGoalWrapper(mapped(), preset="paper", targets=replace(PAPER_TARGETS, resolution=24))
+    env.reset(seed=0)
+    failed = env.goal.position_xz
+    env.report_unreachable("no path")
+    if env.goal.reason == "cluster":
+        assert np.linalg.norm(env.goal.position_xz - failed) > 0.5
+
+
+def test_same_seed_proposes_the_same_goals() -> None:
+    goals = []
+    for _ in range(2):
+        env = VariabilityGoalWrapper(mapped(), preset="best")
+        env.reset(seed=1)
+        turn_round(env, 12)
+        goals.append([(*goal.position_xz, goal.heading_rad) for goal in env.goals])
+    assert goals[0] == goals[1]
+
+
+def test_map_below_is_needed() -> None:
+    explore = gymnasium.make("anm_gym:ANM/Explore-v0", scene=SCENE, camera=CAMERA)
+    with pytest.raises(ValueError, match="`env` must have a neural map; wrap it in NeuralMapWrapper first"):
+        VariabilityGoalWrapper(explore)
+
+
+def test_unknown_preset_is_refused() -> None:
+    with pytest.raises(ValueError, match="unknown goal preset 'quick'; choose one of: best, fast, paper"):
+        VariabilityGoalWrapper(mapped(), preset="quick")
+
+
+def test_active_mapping_is_explore_with_both_wrappers() -> None:
+    env = gymnasium.make("anm_gym:ANM/ActiveMapping-v0", scene=SCENE, camera=CAMERA, preset="fast")
+    observation, info = env.reset(seed=0)
+    assert "pointgoal_with_gps_compass" in observation
+    assert {"goal_distance_m", "goals_count", "is_keyframe"} <= set(info)
+    assert env.get_wrapper_attr("neural_map").num_frames == 1
+    assert env.observation_space.contains(observation)
