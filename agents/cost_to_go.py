@@ -45,6 +45,8 @@ class Floor:
     """(rows, columns): obstacles, and where there is no floor."""
     unknown: NDArray[np.bool_]
     """(rows, columns): never seen."""
+    stood: NDArray[np.bool_]
+    """(rows, columns): the agent has been here, so it fits, whatever was felt beside it."""
 
     @cached_property
     def clearance_m(self) -> NDArray[np.float32]:
@@ -59,13 +61,14 @@ class Floor:
         inner_low, inner_high = np.clip(low, 0, shape), np.clip(high, 0, shape)
         inner = np.s_[inner_low[0] : inner_high[0], inner_low[1] : inner_high[1]]
         size = (int(high[0] - low[0]), int(high[1] - low[1]))
-        occupied, unknown = np.zeros(size, bool), np.ones(size, bool)
+        occupied, unknown, stood = np.zeros(size, bool), np.ones(size, bool), np.zeros(size, bool)
         target = np.s_[
             inner_low[0] - low[0] : inner_high[0] - low[0], inner_low[1] - low[1] : inner_high[1] - low[1]
         ]
         occupied[target], unknown[target] = self.occupied[inner], self.unknown[inner]
+        stood[target] = self.stood[inner]
         x, z = np.asarray(self.frame.origin_xz) + self.frame.cell_m * low[::-1]
-        return Floor(GridFrame((float(x), float(z)), self.frame.cell_m, size), occupied, unknown)
+        return Floor(GridFrame((float(x), float(z)), self.frame.cell_m, size), occupied, unknown, stood)
 
     def price(self, settings: CostSettings) -> NDArray[np.float32]:
         """(rows, columns) float32 factor on the length of a path by its clearance; at least 1."""
@@ -86,7 +89,7 @@ class Floor:
         near = (rows - row) ** 2 + (columns - column) ** 2 <= reach**2
         fits |= near & ~self.occupied
         fits[row, column] = True
-        return fits
+        return fits | self.stood
 
 
 @dataclass(frozen=True, eq=False)

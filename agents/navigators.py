@@ -207,7 +207,7 @@ class PlannerNavigator(Navigator):
 
     def _floor(self) -> Floor:
         grid = self.env.occupancy
-        return Floor(grid.frame, grid.occupied, grid.unknown)
+        return Floor(grid.frame, grid.occupied, grid.unknown, grid.stood)
 
 
 @final
@@ -220,7 +220,8 @@ class OracleNavigator(Navigator):
 
     def _floor(self) -> Floor:
         grid = self.env.get_wrapper_attr("simulator").grid
-        return Floor(grid.frame, grid.occupied | ~grid.has_floor, np.zeros_like(grid.occupied))
+        nowhere = np.zeros_like(grid.occupied)
+        return Floor(grid.frame, grid.occupied | ~grid.has_floor, unknown=nowhere, stood=nowhere)
 
 
 NAVIGATORS: Final[dict[str, type[PlannerNavigator] | type[OracleNavigator]]] = {

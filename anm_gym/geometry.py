@@ -34,7 +34,9 @@ class CameraSpec:
 
     def __post_init__(self) -> None:
         if self.width_px < 1 or self.height_px < 1:
-            raise ValueError(f"the image must have at least one pixel, got {self.width_px} x {self.height_px}")
+            raise ValueError(
+                f"the image must have at least one pixel, got {self.width_px} x {self.height_px}"
+            )
         if not 0.0 < self.hfov_deg < 180.0:
             raise ValueError(f"`hfov_deg` must be between 0 and 180, got {self.hfov_deg}")
         if not 0.0 <= self.min_depth_m < self.max_depth_m:

@@ -51,7 +51,7 @@ class TriangleMesh:
         """(F, 3) float64 unit face normals by winding; zero for a degenerate face."""
         cross = self._cross
         length = np.linalg.norm(cross, axis=1, keepdims=True)
-        return np.divide(cross, length, out=np.zeros_like(cross), where=length > 0)
+        return np.asarray(np.divide(cross, length, out=np.zeros_like(cross), where=length > 0))
 
     @cached_property
     def areas_m2(self) -> NDArray[np.float64]:

@@ -87,4 +87,3 @@ def load_map(path: str | Path, *, device: str = "cpu") -> NeuralMap:
 def _settings(plain: dict[str, Any]) -> MapSettings:
     stages = {name: stage(**plain.pop(name)) for name, stage in _STAGES.items()}
     return MapSettings(**plain, **stages)
-

@@ -113,7 +113,7 @@ class SoftplusField(nn.Module):
             points: (N, 3) float32, metres, world frame.
             output_noise: (N,) values added before the output is scaled, or None.
         """
-        raw = self.output(self.features(points)).squeeze(1).float()
+        raw: Tensor = self.output(self.features(points)).squeeze(1).float()
         if output_noise is not None:
             raw = raw + output_noise
         return raw * self.settings.output_scale

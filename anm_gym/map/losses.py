@@ -132,7 +132,8 @@ def map_loss(
 
 def _eikonal(gradient: Tensor, applies: Tensor) -> Tensor:
     """Mean over all samples of | ||gradient|| - 1 | where it applies."""
-    return ((gradient.norm(dim=-1) - 1.0).abs() * applies).mean()
+    deviation: Tensor = (gradient.norm(dim=-1) - 1.0).abs() * applies
+    return deviation.mean()
 
 
 def _normal(gradient: Tensor, rays: RayBatch, count: int) -> Tensor:

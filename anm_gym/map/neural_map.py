@@ -125,7 +125,9 @@ class NeuralMap:
             before, terms = self._weights(), None
             for _ in range(iterations := self._iterations(is_keyframe)):
                 window = self.frames.window(self._generator)
-                pixels = self.frames.sample_pixels(window, sampling.rays_of_each(len(window)), self._generator)
+                pixels = self.frames.sample_pixels(
+                    window, sampling.rays_of_each(len(window)), self._generator
+                )
                 rays = sample_rays(pixels, sampling, self._generator)
                 if len(rays.points) == 0:
                     break

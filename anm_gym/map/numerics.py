@@ -41,4 +41,4 @@ def has_fast_bfloat16(device: torch.device) -> bool:
     """Tell whether matrix products in bfloat16 are faster than in float32 on a device."""
     if device.type == "cpu":
         return bool(torch.cpu._is_avx512_bf16_supported() or torch.cpu._is_amx_tile_supported())
-    return torch.cuda.is_bf16_supported()
+    return bool(torch.cuda.is_bf16_supported())

@@ -19,6 +19,8 @@ ROWS_USED = 128
 """Image rows looked at: every column counts for a thin leg, every second row of 256 is enough."""
 CONTACT_EVIDENCE = 1 << 20
 """Evidence of a collision: no number of rays outweighs it."""
+STANCE_M = 0.05
+"""Around each place where the agent has stood its centre may stand again, metres."""
 LEVEL_TOLERANCE = 1e-3
 """How far the camera's up axis may lean."""
 
@@ -82,6 +84,7 @@ class OccupancyGrid:
         self._hits = np.zeros((0, 0), np.int32)
         self._passes = np.zeros((0, 0), np.int32)
         self._assumed = np.zeros((0, 0), bool)
+        self._stood = np.zeros((0, 0), bool)
         self._labels: _Labels | None = None
         self._clearance_m: NDArray[np.float32] | None = None
 
@@ -117,6 +120,11 @@ class OccupancyGrid:
         return self._label().unknown
 
     @property
+    def stood(self) -> NDArray[np.bool_]:
+        """(rows, columns): the agent's centre has been here, so it fits, whatever lies beside it."""
+        return self._stood
+
+    @property
     def clearance_m(self) -> NDArray[np.float32]:
         """(rows, columns) distance to the nearest occupied cell, metres; unknown cells do not count."""
         if self._clearance_m is None:
@@ -124,7 +132,7 @@ class OccupancyGrid:
         return self._clearance_m
 
     def traversable(self, radius_m: float, *, through_unknown: bool = False) -> NDArray[np.bool_]:
-        """Find where a body fits as far as is known.
+        """Find where a body fits as far as is known; where the agent has stood, it does.
 
         Args:
             radius_m: The clearance that it needs is more than this, metres.
@@ -134,7 +142,7 @@ class OccupancyGrid:
             (rows, columns) bool.
         """
         ground = ~self.occupied if through_unknown else self.free
-        return np.asarray(ground & (self.clearance_m > radius_m))
+        return np.asarray((ground & (self.clearance_m > radius_m)) | self._stood)
 
     def integrate(
         self, depth_m: NDArray[np.float32], camera: CameraSpec, world_from_camera: NDArray[np.floating]
@@ -160,6 +168,7 @@ class OccupancyGrid:
         self._hits += hit
         self._passes += self._mask_of(passed) & ~hit
         self._assumed |= self._mask_of(assumed)
+        self._stood |= self._mask_of(view.disc(STANCE_M))
         self._changed()
 
     def mark_blocked(self, position_xz: ArrayLike) -> None:
@@ -200,7 +209,7 @@ class OccupancyGrid:
         if self._frame is None:
             self._frame = GridFrame((low[0] * cell_m, low[1] * cell_m), cell_m, (1, 1))
             self._hits, self._passes = np.zeros((1, 1), np.int32), np.zeros((1, 1), np.int32)
-            self._assumed = np.zeros((1, 1), bool)
+            self._assumed, self._stood = np.zeros((1, 1), bool), np.zeros((1, 1), bool)
         first = np.round(np.asarray(self._frame.origin_xz) / cell_m).astype(int)
         before = _growth(first - low)
         after = _growth(high - first - np.array(self._frame.shape[::-1]))
@@ -210,7 +219,7 @@ class OccupancyGrid:
     def _grow(self, first: NDArray[np.int_], before: NDArray[np.int_], after: NDArray[np.int_]) -> None:
         pad = tuple((int(low), int(high)) for low, high in zip(before, after, strict=True))
         self._hits, self._passes = np.pad(self._hits, pad), np.pad(self._passes, pad)
-        self._assumed = np.pad(self._assumed, pad)
+        self._assumed, self._stood = np.pad(self._assumed, pad), np.pad(self._stood, pad)
         cell_m, shape = self.settings.cell_m, self._hits.shape
         self._frame = GridFrame((float(first[0] * cell_m), float(first[1] * cell_m)), cell_m, shape)
 
@@ -277,11 +286,7 @@ class _View:
 
     def assumed(self) -> "_Points":
         """The disc that the agent stands on, and the blind cone under the lowest rays."""
-        radius_m = self.settings.body_radius_m
-        around = np.arange(-radius_m, radius_m + 1e-6, self.bin_m, dtype=np.float32)
-        disc_x, disc_z = np.meshgrid(around, around)
-        inside = disc_x**2 + disc_z**2 <= radius_m**2 + 1e-6
-        body = np.float32(self.pose[0, 3]) + disc_x[inside], np.float32(self.pose[2, 3]) + disc_z[inside]
+        body = self.disc(self.settings.body_radius_m)
         _, depth_m, floor_m = self._downward()
         if len(floor_m) == 0 or floor_m[-1, 0] >= self.settings.max_range_m:
             return body
@@ -289,6 +294,13 @@ class _View:
         ahead, column = np.nonzero(ahead_m[:, None] < np.minimum(depth_m[-1], floor_m[-1]))
         cone = self._to_world(ahead_m[ahead], column)
         return np.concatenate([body[0], cone[0]]), np.concatenate([body[1], cone[1]])
+
+    def disc(self, radius_m: float) -> "_Points":
+        """Points about the place where the agent stands."""
+        around = np.arange(-radius_m, radius_m + 1e-6, self.bin_m, dtype=np.float32)
+        x, z = np.meshgrid(around, around)
+        inside = x**2 + z**2 <= radius_m**2 + 1e-6
+        return np.float32(self.pose[0, 3]) + x[inside], np.float32(self.pose[2, 3]) + z[inside]
 
     def _holes(self) -> "_Points":
         """Points where a ray goes under the floor."""

@@ -48,7 +48,7 @@ def perturbations(
     noise = torch.randn((settings.draws, len(weight_change)), generator=generator, device=device)
     if settings.family == "delta_weight":
         return noise * weight_change.abs()
-    unit = noise / noise.norm(dim=1, keepdim=True)
+    unit: Tensor = noise / noise.norm(dim=1, keepdim=True)
     return unit if settings.family == "unit_norm" else unit * weight_change.norm()
 
 
@@ -93,9 +93,7 @@ def _all_layer_changes(field: SoftplusField, points: Tensor, draws: Tensor) -> T
     changes = []
     for draw in draws:
         pieces = (base + draw).split(sizes)
-        weights = {
-            name: piece.view(shape) for name, piece, shape in zip(names, pieces, shapes, strict=True)
-        }
+        weights = {name: piece.view(shape) for name, piece, shape in zip(names, pieces, shapes, strict=True)}
         changes.append(functional_call(field, weights, (points,)) - reference)
     return torch.stack(changes)
 
@@ -123,4 +121,5 @@ def _laplace_perturbations(
     noise = torch.randn(
         (size, settings.draws), generator=generator, device=features.device, dtype=torch.float64
     )
-    return torch.linalg.solve_triangular(factor.T, noise, upper=True).T.float()
+    draws: Tensor = torch.linalg.solve_triangular(factor.T, noise, upper=True)
+    return draws.T.float()

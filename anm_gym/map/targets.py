@@ -4,6 +4,7 @@ The most variable zero-crossings are kept, clustered by connectivity, and each c
 view half a metre off its surface; one of three criteria chooses among them.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -159,7 +160,8 @@ def choose_target_view(
     return views[int(np.argmax(np.where(keep, scores, -np.inf)))]
 
 
-CRITERIA: Final = {
+Scorer = Callable[[list[TargetView], NDArray[np.float64]], NDArray[np.float64]]
+CRITERIA: Final[dict[Criterion, Scorer]] = {
     "variance": lambda views, _: np.array([view.peak_variability for view in views]),
     "mean": lambda views, _: np.array([view.mean_variability for view in views]),
     "count": lambda views, _: np.array([float(view.num_faces) for view in views]),

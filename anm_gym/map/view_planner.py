@@ -5,7 +5,7 @@
 3. Each place and heading is ranked by the variable surface in view per step of cost.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,18 +91,20 @@ def variable_surface(neural_map: NeuralMap, settings: SurfaceSettings) -> Variab
     scores = neural_map.variability(np.concatenate([vertices, observed[::stride]]))
     reference = float(np.quantile(scores[len(vertices) :], settings.reference_quantile))
     variability = scores[: len(vertices)]
-    return VariableSurface(vertices, np.asarray(variability / (variability + max(reference, 1e-12)), np.float32))
+    return VariableSurface(
+        vertices, np.asarray(variability / (variability + max(reference, 1e-12)), np.float32)
+    )
 
 
 @dataclass(frozen=True)
 class PlannerSettings:
     """All settings of a `ViewPlanner` (ours)."""
 
-    views: ViewSettings = ViewSettings()
+    views: ViewSettings = field(default_factory=ViewSettings)
     """Ranges, counts and costs."""
-    surface: SurfaceSettings = SurfaceSettings()
+    surface: SurfaceSettings = field(default_factory=SurfaceSettings)
     """Which surface is worth looking at."""
-    reach: ReachSettings = ReachSettings()
+    reach: ReachSettings = field(default_factory=ReachSettings)
     """What counts as passable."""
     keep_share: float = 0.8
     """A view under way is kept while it has this share of the best one's utility."""

@@ -149,9 +149,7 @@ def view_costs(
         (P, H) steps: forward steps, the turn onto the path and the turn at its end.
     """
     delta = positions_xz - agent_xz
-    travel = np.where(
-        distances_m > FORWARD_STEP_M, np.arctan2(-delta[:, 0], -delta[:, 1]), agent_heading_rad
-    )
+    travel = np.where(distances_m > FORWARD_STEP_M, np.arctan2(-delta[:, 0], -delta[:, 1]), agent_heading_rad)
     headings = 2.0 * np.pi * np.arange(settings.num_headings) / settings.num_headings
     turns = np.abs(_wrap(travel - agent_heading_rad))[:, None] + np.abs(_wrap(headings - travel[:, None]))
     steps = distances_m / FORWARD_STEP_M

@@ -54,7 +54,8 @@ class ObservedVolume:
 
     def state_at(self, points: NDArray[np.floating]) -> NDArray[np.uint8]:
         """State of the voxel of each of (..., 3) points; UNKNOWN outside the log."""
-        index = np.floor(points * np.float32(1.0 / self.voxel_m)).astype(np.int32) - self.low_index.astype(np.int32)
+        scaled = points * np.float32(1.0 / self.voxel_m)
+        index = np.floor(scaled).astype(np.int32) - self.low_index.astype(np.int32)
         shape = np.array(self.states.shape)
         inside = ((index >= 0) & (index < shape)).all(axis=-1)
         index = np.where(inside[..., None], index, 0)
@@ -64,7 +65,7 @@ class ObservedVolume:
     def _flat_indices(self, points: NDArray[np.float32]) -> NDArray[np.int64]:
         index = np.floor(points * np.float32(1.0 / self.voxel_m)).astype(np.int64) - self.low_index
         _, height, depth = self.states.shape
-        return (index[:, 0] * height + index[:, 1]) * depth + index[:, 2]
+        return np.asarray((index[:, 0] * height + index[:, 1]) * depth + index[:, 2])
 
     def _cover(self, points: NDArray[np.float32]) -> None:
         """Grow the log so that it holds the convex hull of the points."""

@@ -60,6 +60,7 @@ PRESETS: Final = {
         blacklist_m=0.5,
         looks_outward=True,
         switch_share=0.7,
+        sweeps=True,
     ),
 }
 """`paper`: the nearest frontier at least 1 m away, replanned every 10 steps, whether or not the body can

@@ -9,11 +9,12 @@ from gymnasium.utils import RecordConstructorArgs
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.map.neural_map import MapUpdate, NeuralMap
 from anm_gym.map.settings import MapSettings, map_settings
-from anm_gym.stopwatch import Stopwatch
 
 
 @final
-class NeuralMapWrapper(gymnasium.Wrapper[Observation, np.int64, Observation, np.int64], RecordConstructorArgs):
+class NeuralMapWrapper(
+    gymnasium.Wrapper[Observation, np.int64, Observation, np.int64], RecordConstructorArgs
+):
     """Train a `NeuralMap` on every observation.
 
     ## Observation, action, reward, episode end

@@ -15,7 +15,7 @@ def floor(unknown: bool = False) -> Floor:
     occupied = np.zeros(FRAME.shape, bool)
     occupied[[0, -1]] = occupied[:, [0, -1]] = True
     occupied[:64, 60] = occupied[76:, 60] = True
-    return Floor(FRAME, occupied, np.full(FRAME.shape, unknown))
+    return Floor(FRAME, occupied, np.full(FRAME.shape, unknown), np.zeros(FRAME.shape, bool))
 
 
 def to(
@@ -81,6 +81,13 @@ def test_agent_that_stands_too_close_to_a_wall_gets_away() -> None:
     costs = cost_to_go(floor(), (1.0, 0.07), (2.0, 1.0), PLAIN, 0.0)
     assert costs is not None
     assert costs.at(np.array([[1.0, 0.12]]))[0] < 2.0
+
+
+def test_agent_can_go_back_the_way_it_came() -> None:
+    sealed = floor()
+    sealed.occupied[:, 60] = True
+    sealed.stood[18:23, 55:66] = True
+    assert cost_to_go(sealed, (1.0, 1.0), (5.0, 1.0), PLAIN, 0.0) is not None
 
 
 def test_beyond_the_raster_all_is_unknown() -> None:

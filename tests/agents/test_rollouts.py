@@ -22,7 +22,8 @@ def move(
     occupied = np.zeros(FRAME.shape, bool)
     if wall is not None:
         occupied[wall] = True
-    floor = Floor(FRAME, occupied, np.zeros(FRAME.shape, bool))
+    nowhere = np.zeros(FRAME.shape, bool)
+    floor = Floor(FRAME, occupied, unknown=nowhere, stood=nowhere)
     origin = np.array([0.01, 0.01])
     ways = cost_to_go(floor, origin, goal, COSTS, 0.0)
     assert ways is not None

@@ -10,7 +10,9 @@ from anm_gym.map.settings import SamplingSettings
 CPU = torch.device("cpu")
 
 
-def test_normals_point_out_of_the_walls_in_the_world_frame(store: FrameStore, generator: torch.Generator) -> None:
+def test_normals_point_out_of_the_walls_in_the_world_frame(
+    store: FrameStore, generator: torch.Generator
+) -> None:
     window = torch.arange(len(store))
     pixels = store.sample_pixels(window, 200, generator)
     surface, normals = pixels.surface.numpy(), pixels.normals.numpy()

@@ -101,9 +101,7 @@ def test_views_of_something_new_become_keyframes(tour) -> None:
 
 def test_keyframe_is_forced_after_its_interval(tour) -> None:
     settings = small(first_iterations=1, iterations=1, keyframe_iterations=1)
-    settings = replace(
-        settings, keyframes=replace(settings.keyframes, explained_share=0.0, max_interval=3)
-    )
+    settings = replace(settings, keyframes=replace(settings.keyframes, explained_share=0.0, max_interval=3))
     neural_map = NeuralMap(settings, tour.camera)
     flags = [neural_map.integrate(tour.depths[0], tour.poses[0]).is_keyframe for _ in range(9)]
     assert flags == [False, False, False, False, True, False, False, False, True]

@@ -154,6 +154,16 @@ def test_unknown_cells_are_traversable_only_on_request(grid: OccupancyGrid) -> N
     assert (grid.traversable(0.1, through_unknown=True) & grid.unknown).any()
 
 
+def test_agent_fits_where_it_has_stood(grid: OccupancyGrid) -> None:
+    grid.integrate(floor_depth(), CAMERA, POSE)
+    for side in (-0.1, 0.0, 0.1):
+        grid.mark_blocked((side, -0.1))
+    row, column = grid.frame.cells_of((0.0, 0.0))[0]
+    assert grid.clearance_m[row, column] <= 0.15
+    assert grid.traversable(0.15)[row, column]
+    assert grid.stood.sum() * grid.cell_m**2 < 0.03
+
+
 def test_version_tells_of_every_change(grid: OccupancyGrid) -> None:
     grid.integrate(floor_depth(), CAMERA, POSE)
     grid.mark_blocked((0.0, 0.0))

@@ -48,14 +48,14 @@ def test_weights_that_did_not_change_are_not_perturbed(
     assert abs(float(standardised.std()) - 1.0) < 0.05
 
 
-def test_laplace_variance_approaches_its_closed_form(field: SoftplusField, generator: torch.Generator) -> None:
+def test_laplace_variance_approaches_its_closed_form(
+    field: SoftplusField, generator: torch.Generator
+) -> None:
     settings = VariabilitySettings(family="laplace", draws=20_000)
     evidence, points = torch.rand(300, 3, generator=generator), 4.0 * torch.rand(12, 3, generator=generator)
     draws = perturbations(field, settings, torch.zeros(1), evidence, generator)
     with torch.no_grad():
-        features = [
-            torch.cat([field.features(x), torch.ones(len(x), 1)], dim=1) for x in (evidence, points)
-        ]
+        features = [torch.cat([field.features(x), torch.ones(len(x), 1)], dim=1) for x in (evidence, points)]
     precision = torch.eye(17) + features[0].T @ features[0]
     exact = 0.14**2 * torch.einsum("ni,ij,nj->n", features[1], precision.inverse(), features[1])
     assert torch.allclose(variability(field, points, draws, settings), exact, rtol=0.1)

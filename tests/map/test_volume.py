@@ -8,10 +8,12 @@ def test_room_is_free_inside_occupied_on_its_walls_and_unknown_outside(tour) -> 
     for depth, pose in zip(tour.depths, tour.poses, strict=True):
         volume.integrate(depth, pose)
     inside = np.array([[0.0, 1.3, 0.0], [1.0, 1.0, 0.5], [-1.0, 1.5, -0.8]])
-    on_walls = np.array([[-1.999, 1.25, 0.2], [0.0, 1.25, 1.499], [0.0, 0.001, -1.0]])
+    walls = np.array([[2.0, 1.25, 0.0], [-2.0, 1.25, 0.2], [0.0, 1.25, 1.5], [-1.45, 0.0, 0.15]])
+    across = np.array([[0.02, 0.0, 0.0], [0.02, 0.0, 0.0], [0.0, 0.0, 0.02], [0.0, 0.02, 0.0]])
     outside = np.array([[2.5, 1.2, 0.0], [0.0, 1.2, -2.0], [100.0, 0.0, 0.0]])
     assert (volume.state_at(inside) == FREE).all()
-    assert (volume.state_at(on_walls) == OCCUPIED).all()
+    either_side = volume.state_at(np.stack([walls - across, walls + across]))
+    assert (either_side == OCCUPIED).any(axis=0).all()
     assert (volume.state_at(outside) == UNKNOWN).all()
 
 
