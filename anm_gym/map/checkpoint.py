@@ -61,8 +61,8 @@ def load_map(path: str | Path, *, device: str = "cpu") -> NeuralMap:
         device: Where the network will live.
 
     Returns:
-        A map that predicts the same and can go on learning. Its top-down occupancy is not stored; it
-        starts anew with the next frame.
+        A map that predicts the same and can go on learning, bit for bit on the same kind of device.
+        Its top-down occupancy is not stored; it starts anew with the next frame.
 
     Raises:
         MapError: If the file is missing, truncated, of another format or does not fit its settings.

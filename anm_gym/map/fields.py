@@ -61,7 +61,8 @@ class IcosahedralEncoding(nn.Module):
     def forward(self, points: Tensor) -> Tensor:
         """Encode (N, 3) metres as (N, num_features)."""
         scaled = (points - self.center_m) * self.scale_per_m
-        projected = scaled @ self.directions
+        with torch.autocast(points.device.type, enabled=False):  # a rounded phase would blur positions
+            projected = scaled @ self.directions
         return torch.cat([scaled, projected.sin(), projected.cos()], dim=1)
 
 

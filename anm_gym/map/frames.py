@@ -193,6 +193,9 @@ class FrameStore:
         return normal, torch.isfinite(right_length + down_length) & (length[..., 0] > 1e-12)
 
     def _grow(self) -> None:
-        self._depths = torch.cat([self._depths, torch.zeros_like(self._depths)])
-        self._poses = torch.cat([self._poses, torch.zeros_like(self._poses)])
-        self._losses = torch.cat([self._losses, torch.zeros_like(self._losses)])
+        more = max(4, len(self._depths))
+
+        def grown(rows: Tensor) -> Tensor:
+            return torch.cat([rows, rows.new_zeros((more, *rows.shape[1:]))])
+
+        self._depths, self._poses, self._losses = grown(self._depths), grown(self._poses), grown(self._losses)

@@ -25,7 +25,7 @@ from anm_gym.map.perturbation import perturbations, variability
 from anm_gym.map.sampling import RayBatch, sample_rays
 from anm_gym.map.settings import MapSettings
 from anm_gym.map.volume import ObservedVolume
-from anm_gym.map.zero_crossings import Lattice, ZeroCrossings, extract_zero_crossings
+from anm_gym.map.zero_crossings import EMPTY, Lattice, ZeroCrossings, extract_zero_crossings
 from anm_gym.stopwatch import Stopwatch
 
 CLOUD_STRIDE_PX = 2
@@ -114,28 +114,35 @@ class NeuralMap:
         Returns:
             What was done, with the loss terms of the last iteration.
 
+        Raises:
+            ValueError: If the image does not fit the camera.
+
         Source:
             Active Neural Mapping, Sec. 4.1, Eq. 3.
         """
+        expected = (self.camera.height_px, self.camera.width_px)
+        if depth_m.shape[:2] != expected:
+            raise ValueError(f"`depth_m` must have shape {expected}, got {depth_m.shape}")
         sampling = self.settings.sampling
         with self.stopwatch("observe"):
             is_keyframe = self._admit(depth_m, world_from_camera)
             self._log(depth_m, world_from_camera)
         with self.stopwatch("learn"), flushed_subnormals():
-            before, terms = self._weights(), None
-            for _ in range(iterations := self._iterations(is_keyframe)):
+            before, terms, done = self._weights(), None, 0
+            for _ in range(self._iterations(is_keyframe)):
                 window = self.frames.window(self._generator)
                 pixels = self.frames.sample_pixels(
                     window, sampling.rays_of_each(len(window)), self._generator
                 )
                 rays = sample_rays(pixels, sampling, self._generator)
                 if len(rays.points) == 0:
-                    break
+                    continue
                 terms = self._loss(rays, is_keyframe)
                 self._descend(terms)
+                done += 1
                 self.frames.record_losses(window, pixels.slots, terms.per_ray)
             self._weight_change = self._weights() - before
-        return _summary(is_keyframe, iterations, terms)
+        return _summary(is_keyframe, done, terms)
 
     def sdf(self, points: NDArray[np.floating]) -> NDArray[np.float32]:
         """Predict the signed distance of (N, 3) points, (N,) float32 metres, positive in free space."""
@@ -164,6 +171,8 @@ class NeuralMap:
 
     def zero_crossings(self, voxel_m: float, margin_m: float = 0.2) -> ZeroCrossings:
         """Extract the predicted surface over the observed extent, with cubic cells of `voxel_m`."""
+        if len(self.cloud) == 0:
+            return EMPTY
         bounds = self.cloud.bounds() + np.array([[-margin_m], [margin_m]])
         return extract_zero_crossings(self.sdf, Lattice.with_spacing(bounds, voxel_m))
 
@@ -209,7 +218,9 @@ class NeuralMap:
         self.volume.states = state["volume.states"].cpu().numpy()
         self.volume.low_index = state["volume.low_index"].cpu().numpy()
         self._weight_change = state["weight_change"]
-        self._generator.set_state(state["generator"].cpu())
+        saved = state["generator"].cpu()
+        if len(saved) == len(self._generator.get_state()):  # another kind of device has another generator
+            self._generator.set_state(saved)
         self.num_frames, self.num_keyframes, self._frames_since_keyframe = state["counts"].tolist()
 
     def _moments(self) -> dict[str, Tensor]:

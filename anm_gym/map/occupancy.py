@@ -258,6 +258,7 @@ class _View:
         stride = max(1, camera.height_px // ROWS_USED)
         rows = slice(camera.height_px - 1 - stride * ((camera.height_px - 1) // stride), None, stride)
         self.depth_m = depth_m.reshape(camera.height_px, camera.width_px)[rows]
+        self.hole_range_m = min(settings.hole_range_m, camera.max_depth_m)
         self.side = camera.directions[0, :, 0]
         self.up = camera.directions[rows, 0, 1]
         self.pose, self.settings = world_from_camera, settings
@@ -280,7 +281,7 @@ class _View:
     def passed(self) -> "_Points":
         """Floor that was hit, and what rays passed under the carving height before floor or obstacle."""
         down, depth_m, floor_m = self._downward()
-        start_m = (self.height_m - self.settings.carve_height_m) / down
+        start_m = np.maximum((self.height_m - self.settings.carve_height_m) / down, np.float32(0.0))
         end_m = np.where(depth_m <= floor_m, depth_m, np.float32(0.0))
         return self._between(start_m, end_m)
 
@@ -303,10 +304,11 @@ class _View:
         return np.float32(self.pose[0, 3]) + x[inside], np.float32(self.pose[2, 3]) + z[inside]
 
     def _holes(self) -> "_Points":
-        """Points where a ray goes under the floor."""
+        """Points where two rays of a column, one above the other, go under the floor."""
         _, depth_m, floor_m = self._downward()
         goes_under = (depth_m > floor_m) | ((depth_m <= 0.0) & self.sees_void)
-        goes_under &= floor_m < self.settings.hole_range_m
+        goes_under &= floor_m < self.hole_range_m
+        goes_under[1:] &= goes_under[:-1].copy()
         row, column = np.nonzero(goes_under)
         return self._to_world(floor_m[row, 0], column)
 

@@ -14,7 +14,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from anm_gym.map.neural_map import NeuralMap
-from anm_gym.map.zero_crossings import Lattice, ZeroCrossings, extract_zero_crossings
+from anm_gym.map.zero_crossings import EMPTY, Lattice, ZeroCrossings, extract_zero_crossings
 
 Criterion = Literal["variance", "mean", "count", "area", "distance"]
 
@@ -90,7 +90,8 @@ def propose_target_views(neural_map: NeuralMap, settings: TargetSettings) -> lis
     if not kept[surface.faces].all(axis=1).any():
         return []
     variable = surface.keep_vertices(kept)
-    scores = neural_map.variability(variable.vertices)
+    used = np.unique(surface.faces[kept[surface.faces].all(axis=1)])
+    scores = variability[used]
     gradients = neural_map.gradient(variable.vertices)
     if settings.unit_offset:
         gradients = gradients / np.maximum(np.linalg.norm(gradients, axis=1, keepdims=True), 1e-9)
@@ -173,6 +174,8 @@ CRITERIA: Final[dict[Criterion, Scorer]] = {
 
 def _candidate_surface(neural_map: NeuralMap, settings: TargetSettings) -> ZeroCrossings:
     """Zero-crossings near observed points and below the ceiling."""
+    if len(neural_map.cloud) == 0:
+        return EMPTY
     bounds = neural_map.cloud.bounds()
     margin = 0.05 * (bounds[1] - bounds[0])
     lattice = Lattice.with_resolution(bounds + np.stack([-margin, margin]), settings.resolution)

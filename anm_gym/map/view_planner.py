@@ -68,6 +68,8 @@ def variable_surface(neural_map: NeuralMap, settings: SurfaceSettings) -> Variab
     Source:
         Active Neural Mapping, Sec. 4.2, with weights relative to observed surface (ours).
     """
+    if len(neural_map.cloud) == 0:
+        return VariableSurface(np.empty((0, 3), np.float32), np.zeros(0, np.float32))
     margin = np.full(3, settings.margin_m) * [1.0, 0.0, 1.0] + [0.0, settings.lattice_m, 0.0]
     bounds = neural_map.cloud.bounds(0.001) + np.stack([-margin, margin])
     lattice = Lattice.with_spacing(bounds, settings.lattice_m)

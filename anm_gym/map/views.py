@@ -36,8 +36,6 @@ class ViewSettings:
     """Added to each cost, so that a glance close by does not beat a good view, steps."""
     num_headings: int = 36
     """Headings of each place."""
-    turn_cost: float = 1.0
-    """Price of a turn in forward steps."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +49,7 @@ class View:
     gain: float
     """Expected variable surface in view; the unit is that of the points' weights."""
     cost_steps: float
-    """Steps to get there and to turn."""
+    """Steps to get there and to turn, with the fixed cost."""
 
     @property
     def utility(self) -> float:
@@ -124,8 +122,8 @@ def gains_by_heading(
     flat = np.arange(len(places))[:, None] * settings.num_headings + index
     histogram = np.bincount(flat.ravel(), worth.ravel(), minlength=len(places) * settings.num_headings)
     histogram = histogram.reshape(len(places), settings.num_headings)
-    half_sectors = round(np.deg2rad(camera.hfov_deg) / 2.0 / sector)
-    shifts = range(-half_sectors + 1, half_sectors)
+    half_sectors = max(0, int(np.deg2rad(camera.hfov_deg) / 2.0 / sector - 0.5 + 1e-9))
+    shifts = range(-half_sectors, half_sectors + 1)
     return np.asarray(sum(np.roll(histogram, shift, axis=1) for shift in shifts))
 
 
@@ -140,10 +138,10 @@ def view_costs(
 
     Args:
         positions_xz: (P, 2) floor points.
-        distances_m: (P,) length of the path to each.
+        distances_m: (P,) length of the path to each, or more where it is tight.
         agent_xz: (2,) where the agent is.
         agent_heading_rad: Where it looks.
-        settings: Number of headings and the price of a turn.
+        settings: Number of headings.
 
     Returns:
         (P, H) steps: forward steps, the turn onto the path and the turn at its end.
@@ -153,7 +151,7 @@ def view_costs(
     headings = 2.0 * np.pi * np.arange(settings.num_headings) / settings.num_headings
     turns = np.abs(_wrap(travel - agent_heading_rad))[:, None] + np.abs(_wrap(headings - travel[:, None]))
     steps = distances_m / FORWARD_STEP_M
-    return np.asarray(steps[:, None] + settings.turn_cost * turns / np.deg2rad(TURN_STEP_DEG))
+    return np.asarray(steps[:, None] + turns / np.deg2rad(TURN_STEP_DEG))
 
 
 def rank_views(

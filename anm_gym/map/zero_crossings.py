@@ -92,7 +92,10 @@ def zero_crossings_of(
     if considered.size == 0 or not considered.min() < 0.0 < considered.max():
         return EMPTY
     spacing = (float(lattice.spacing_m[0]), float(lattice.spacing_m[1]), float(lattice.spacing_m[2]))
-    vertices, faces, _, _ = marching_cubes(  # type: ignore[no-untyped-call]
-        values, 0.0, spacing=spacing, mask=mask, gradient_direction="descent"
-    )
+    try:
+        vertices, faces, _, _ = marching_cubes(  # type: ignore[no-untyped-call]
+            values, 0.0, spacing=spacing, mask=mask, gradient_direction="descent"
+        )
+    except RuntimeError:  # signs differ, but no cube inside the mask is crossed
+        return EMPTY
     return ZeroCrossings((vertices + lattice.low).astype(np.float32), faces.astype(np.int32))
