@@ -36,8 +36,6 @@ class FrontierSettings:
     """The nearest frontier at least this far is chosen; if there is none, the farthest, metres."""
     only_reachable: bool = False
     """Rank by the cost of a way that the body fits through; else by a path of the free cells alone."""
-    size_exponent: float = 0.0
-    """Costs are divided by the frontier's length to this power; 0 goes to the nearest."""
     blacklist_m: float = 0.0
     """Frontiers this close to a goal that failed are ignored, metres; 0 keeps all."""
     looks_outward: bool = False
@@ -156,7 +154,7 @@ class FrontierGoalWrapper(GoalWrapper):
             cost = space.cost_to(frontier.center_xz, tolerance_m=0.3) + TURN_COST_M * abs(turn_rad)
             heading = frontier.outward_rad if self.settings.looks_outward else None
             goal = Goal(frontier.center_xz, heading, "frontier")
-            ranked.append((cost / frontier.size_m**self.settings.size_exponent, goal))
+            ranked.append((cost, goal))
         return ranked
 
     def _by_free_path(self, frontiers: list[Frontier]) -> list[tuple[float, Goal]]:
