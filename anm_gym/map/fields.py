@@ -96,28 +96,38 @@ class SoftplusField(nn.Module):
                 bound = layer.in_features**-0.5
                 nn.init.uniform_(layer.bias, -bound, bound, generator=generator)
 
-    def features(self, points: Tensor) -> Tensor:
+    def features(self, points: Tensor, dropout: torch.Generator | None = None) -> Tensor:
         """Return the last hidden layer, (N, width), which the output layer reads."""
         encoded = self.encoding(points)
         hidden = encoded
         for layer in self.lower:
-            hidden = self._activate(layer(hidden))
+            hidden = self._activate(layer(hidden), dropout)
         hidden = torch.cat([hidden, encoded.to(hidden.dtype)], dim=1)
         for layer in self.upper:
-            hidden = self._activate(layer(hidden))
+            hidden = self._activate(layer(hidden), dropout)
         return hidden
 
-    def forward(self, points: Tensor, output_noise: Tensor | None = None) -> Tensor:
+    def forward(
+        self,
+        points: Tensor,
+        output_noise: Tensor | None = None,
+        dropout: torch.Generator | None = None,
+    ) -> Tensor:
         """Predict the signed distance of (N, 3) points, (N,) float32 metres, positive in free space.
 
         Args:
             points: (N, 3) float32, metres, world frame.
             output_noise: (N,) values added before the output is scaled, or None.
+            dropout: Draws which units are dropped; None drops none.
         """
-        raw: Tensor = self.output(self.features(points)).squeeze(1).float()
+        raw: Tensor = self.output(self.features(points, dropout)).squeeze(1).float()
         if output_noise is not None:
             raw = raw + output_noise
         return raw * self.settings.output_scale
 
-    def _activate(self, value: Tensor) -> Tensor:
+    def _activate(self, value: Tensor, dropout: torch.Generator | None) -> Tensor:
+        share = self.settings.dropout
+        if dropout is not None and share > 0.0:
+            kept = torch.rand(value.shape, generator=dropout, device=value.device) >= share
+            value = value * kept / (1.0 - share)
         return functional.softplus(value, beta=self.settings.softplus_beta)

@@ -95,6 +95,7 @@ def map_loss(
     bound: Tensor,
     settings: LossSettings,
     output_noise: Tensor | None,
+    dropout: torch.Generator | None = None,
 ) -> LossTerms:
     """Evaluate Eq. 3 on a batch of rays.
 
@@ -104,6 +105,7 @@ def map_loss(
         bound: (R, S) float32 from `distance_bound`, metres.
         settings: Weights; `gradient_share` of the rays enter the gradient terms.
         output_noise: (R, S) noise on the raw output, or None.
+        dropout: Draws which units are dropped; None drops none.
 
     Returns:
         The weighted terms.
@@ -114,11 +116,12 @@ def map_loss(
     count = max(1, round(settings.gradient_share * len(rays.points)))
     noise = (None, None) if output_noise is None else (output_noise[:count], output_noise[count:])
     points = rays.points[:count].reshape(-1, 3).requires_grad_()
-    with_gradient = field(points, None if noise[0] is None else noise[0].reshape(-1))
+    with_gradient = field(points, None if noise[0] is None else noise[0].reshape(-1), dropout)
     (gradient,) = torch.autograd.grad(with_gradient.sum(), points, create_graph=True)
     prediction = with_gradient.reshape(count, -1)
     if count < len(rays.points):
-        rest = field(rays.points[count:].reshape(-1, 3), None if noise[1] is None else noise[1].reshape(-1))
+        rest_noise = None if noise[1] is None else noise[1].reshape(-1)
+        rest = field(rays.points[count:].reshape(-1, 3), rest_noise, dropout)
         prediction = torch.cat([prediction, rest.reshape(len(rays.points) - count, -1)])
     distance = distance_loss(prediction, bound, settings)
     gradient = gradient.reshape(count, -1, 3)

@@ -292,7 +292,11 @@ class NeuralMap:
             noise = std * torch.randn(shape, generator=self._generator, device=self.device)
         bound = distance_bound(rays, settings.distance_target, self.cloud.distance)
         with self._precision():
-            return map_loss(self.field, rays, bound, settings, noise)
+            return map_loss(self.field, rays, bound, settings, noise, self._dropout)
+
+    @property
+    def _dropout(self) -> torch.Generator | None:
+        return self._generator if self.settings.field.dropout > 0.0 else None
 
     def _descend(self, terms: LossTerms) -> None:
         self._optimizer.zero_grad(set_to_none=True)

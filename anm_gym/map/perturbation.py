@@ -1,12 +1,14 @@
 """Neural variability: how the predicted distance changes when the weights are perturbed.
 
-Four families under one protocol. Each answers with (K, N) predictions of perturbed copies, of which
+Five families under one protocol. Each answers with (K, N) predictions of perturbed copies, of which
 `variability` takes the variance (Eq. 4) or the mean absolute change (released code):
 
 * ``unit_norm``: an isotropic direction over all weights, scaled to norm 1 (released code);
 * ``delta_norm``: the same, scaled to the norm of the last weight change (Sec. 4.2, read globally);
 * ``delta_weight``: each weight by its own last change (Sec. 4.2, read per weight);
-* ``laplace``: the output layer by its posterior given the replayed surface (ours).
+* ``laplace``: the output layer by its posterior given the replayed surface (ours);
+* ``dropout``: dropped units instead of moved weights (the paper's ablation, Table 2, Module 1). Its
+  BALD score, the mutual information of a Gaussian, grows with this variance and ranks alike.
 """
 
 import torch
@@ -37,7 +39,10 @@ def perturbations(
 
     Returns:
         (K, P) float32, in the order of `torch.nn.utils.parameters_to_vector`; for `laplace` only
-        the (K, width + 1) weights and bias of the output layer.
+        the (K, width + 1) weights and bias of the output layer, for `dropout` (K, 1) seeds.
+
+    Raises:
+        ValueError: If the family is `dropout` and the field was built without.
 
     Source:
         Active Neural Mapping, Sec. 4.2, Eq. 4; its released code; `laplace` is ours.
@@ -45,6 +50,10 @@ def perturbations(
     device = weight_change.device
     if settings.family == "laplace":
         return _laplace_perturbations(field, settings, evidence, generator)
+    if settings.family == "dropout":
+        if field.settings.dropout == 0.0:
+            raise ValueError("`dropout` of the field must be > 0 for the family 'dropout', got 0")
+        return torch.randint(1 << 24, (settings.draws, 1), generator=generator, device=device).float()
     noise = torch.randn((settings.draws, len(weight_change)), generator=generator, device=device)
     if settings.family == "delta_weight":
         return noise * weight_change.abs()
@@ -76,6 +85,8 @@ def variability(field: SoftplusField, points: Tensor, draws: Tensor, settings: V
 def _spread(field: SoftplusField, points: Tensor, draws: Tensor, settings: VariabilitySettings) -> Tensor:
     if settings.family == "laplace":
         change = _output_layer_changes(field, points, draws)
+    elif settings.family == "dropout":
+        change = _dropout_changes(field, points, draws)
     else:
         change = _all_layer_changes(field, points, draws)
     if settings.statistic == "variance":
@@ -101,6 +112,15 @@ def _all_layer_changes(field: SoftplusField, points: Tensor, draws: Tensor) -> T
 def _output_layer_changes(field: SoftplusField, points: Tensor, draws: Tensor) -> Tensor:
     """(K, N) change by perturbations of the output layer alone, for which the network is linear."""
     return field.settings.output_scale * (draws @ _features_with_bias(field, points).T)
+
+
+def _dropout_changes(field: SoftplusField, points: Tensor, draws: Tensor) -> Tensor:
+    """(K, N) prediction with dropped units minus that with all."""
+    reference, changes = field(points), []
+    for seed in draws[:, 0].tolist():
+        generator = torch.Generator(points.device).manual_seed(int(seed))
+        changes.append(field(points, dropout=generator) - reference)
+    return torch.stack(changes)
 
 
 def _features_with_bias(field: SoftplusField, points: Tensor) -> Tensor:

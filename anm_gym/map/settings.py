@@ -11,7 +11,7 @@ from typing import Final, Literal
 
 DistanceTarget = Literal["ray", "normal", "batch", "cloud"]
 KeyframeTest = Literal["render", "surface"]
-PerturbationFamily = Literal["unit_norm", "delta_norm", "delta_weight", "laplace"]
+PerturbationFamily = Literal["unit_norm", "delta_norm", "delta_weight", "laplace", "dropout"]
 VariabilityStatistic = Literal["variance", "mean_absolute"]
 
 
@@ -35,8 +35,13 @@ class FieldSettings:
     """Sharpness of the softplus activations."""
     output_scale: float = 0.14
     """Factor on the network's output, metres (released code)."""
+    dropout: float = 0.0
+    """Share of the units dropped before each activation in training and in the draws of the `dropout`
+    family; the paper's ablation has 0.05."""
 
     def __post_init__(self) -> None:
+        if not 0.0 <= self.dropout < 1.0:
+            raise ValueError(f"`dropout` must be in [0, 1), got {self.dropout}")
         if self.hidden_layers < 4 or self.hidden_layers % 2:
             raise ValueError(f"`hidden_layers` must be an even number >= 4, got {self.hidden_layers}")
         if self.width < 1 or self.octaves < 1:

@@ -55,5 +55,7 @@ def test_gradient_agrees_with_finite_differences(generator: torch.Generator) -> 
 def test_odd_number_of_layers_is_refused() -> None:
     with pytest.raises(ValueError, match="`hidden_layers` must be an even number >= 4, got 5"):
         FieldSettings(hidden_layers=5)
+    with pytest.raises(ValueError, match=r"`dropout` must be in \[0, 1\), got 1.0"):
+        FieldSettings(dropout=1.0)
     with pytest.raises(ValueError, match="`width` and `octaves` must be >= 1"):
         FieldSettings(width=0)

@@ -12,7 +12,9 @@ WALL_Z = -2.0
 class ExactWall(nn.Module):
     """The true distance to the wall z = -2."""
 
-    def forward(self, points: Tensor, output_noise: Tensor | None = None) -> Tensor:
+    def forward(
+        self, points: Tensor, output_noise: Tensor | None = None, dropout: torch.Generator | None = None
+    ) -> Tensor:
         distance = points[:, 2] - WALL_Z
         return distance if output_noise is None else distance + output_noise
 

@@ -92,6 +92,31 @@ def test_paper_and_released_presets_learn(preset: str, tour) -> None:
     assert min(updates[-1].distance_loss, updates[-1].eikonal_loss, updates[-1].normal_loss) > 0.0
 
 
+def test_map_with_dropout_learns_and_is_variable(tour) -> None:
+    settings = small(first_iterations=20)
+    settings = replace(
+        settings,
+        field=replace(settings.field, dropout=0.05),
+        variability=replace(settings.variability, family="dropout", draws=5),
+    )
+    neural_map = NeuralMap(settings, tour.camera)
+    neural_map.integrate(tour.depths[0], tour.poses[0])
+    points = neural_map.cloud.points[:20]
+    assert (neural_map.variability(points) > 0.0).all()
+    assert np.array_equal(neural_map.sdf(points), neural_map.sdf(points))
+
+
+def test_depth_of_another_size_is_refused(tour) -> None:
+    with pytest.raises(ValueError, match=r"`depth_m` must have shape \(64, 64\), got \(8, 8\)"):
+        NeuralMap(small(), tour.camera).integrate(np.ones((8, 8), np.float32), tour.poses[0])
+
+
+def test_map_that_saw_nothing_predicts_no_surface(tour) -> None:
+    neural_map = NeuralMap(small(first_iterations=1), tour.camera)
+    neural_map.integrate(np.zeros((64, 64), np.float32), tour.poses[0])
+    assert len(neural_map.mesh()) == 0
+
+
 def test_views_of_something_new_become_keyframes(tour) -> None:
     neural_map = NeuralMap(map_settings("fast"), tour.camera)
     updates = [neural_map.integrate(d, p) for d, p in zip(tour.depths, tour.poses, strict=True)]

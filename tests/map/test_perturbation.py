@@ -97,3 +97,17 @@ def test_no_points_have_no_variability(
 ) -> None:
     draws = draw(field, "unit_norm", change, generator)
     assert variability(field, torch.zeros(0, 3), draws, replace(SETTINGS, family="unit_norm")).shape == (0,)
+
+
+def test_dropout_draws_repeat_and_need_a_field_with_dropout(
+    field: SoftplusField, change: torch.Tensor, generator: torch.Generator
+) -> None:
+    with pytest.raises(ValueError, match="must be > 0 for the family 'dropout', got 0"):
+        draw(field, "dropout", change, generator)
+    dropping = SoftplusField(FieldSettings(width=16, dropout=0.2), generator)
+    settings = replace(SETTINGS, family="dropout")
+    draws = draw(dropping, "dropout", change, generator)
+    points = torch.rand(6, 3, generator=generator)
+    first, second = (variability(dropping, points, draws, settings) for _ in range(2))
+    assert torch.equal(first, second)
+    assert (first > 0.0).all()
