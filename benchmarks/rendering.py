@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from anm_gym.geometry import CameraSpec, camera_pose
 from anm_gym.scenes.catalog import make_scene
 from anm_gym.scenes.scene import Scene
-from anm_gym.sim.camera import make_depth_camera
+from anm_gym.sim.backends import make_depth_camera
 from anm_gym.sim.traversable import TraversableGrid
 
 TARGET_RATIO = 1.05

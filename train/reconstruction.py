@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from anm_gym.geometry import CameraSpec
 from anm_gym.mesh import TriangleMesh
-from anm_gym.sim.camera import make_depth_camera
+from anm_gym.sim.backends import make_depth_camera
 
 LIGHT: Final = np.array([0.35, 0.85, 0.40]) / np.linalg.norm([0.35, 0.85, 0.40])
 """Direction towards the light of the shaded pictures, world frame."""

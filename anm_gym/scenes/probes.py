@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from anm_gym.geometry import CameraSpec
 from anm_gym.mesh import TriangleMesh
-from anm_gym.sim.camera import DepthCamera, make_depth_camera
+from anm_gym.sim.backends import make_depth_camera
+from anm_gym.sim.camera import DepthCamera
 from anm_gym.sim.traversable import TraversableGrid
 
 EYE_HEIGHT_M: Final = 1.25

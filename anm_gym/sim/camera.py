@@ -1,6 +1,6 @@
 """What every depth camera can do; back ends cast the rays.
 
-Each back end lives in its own module, which is imported when it is asked for.
+Each back end lives in its own module; `anm_gym.sim.backends` chooses one by name.
 """
 
 from abc import ABC, abstractmethod
@@ -10,9 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anm_gym.geometry import CameraSpec
-from anm_gym.mesh import TriangleMesh
-
-BACKENDS = ("embree", "warp")
 
 
 @dataclass(frozen=True)
@@ -114,36 +111,3 @@ def check_poses(world_from_camera: NDArray[np.floating]) -> None:
     if world_from_camera.ndim not in {2, 3} or world_from_camera.shape[-2:] != (4, 4):
         shape = world_from_camera.shape
         raise ValueError(f"`world_from_camera` must have shape (4, 4) or (N, 4, 4), got {shape}")
-
-
-def make_depth_camera(
-    mesh: TriangleMesh, spec: CameraSpec, *, backend: str = "embree", device: str = "cpu", threads: int = 1
-) -> DepthCamera:
-    """Build a depth camera over a mesh.
-
-    Args:
-        mesh: What there is to see.
-        spec: Image size, field of view and limits of depth.
-        backend: ``"embree"`` (CPU) or ``"warp"`` (CUDA, or its slow CPU twin).
-        device: Where a ``"warp"`` camera runs, such as ``"cuda:0"``; Embree has only ``"cpu"``.
-        threads: Threads that share the rays of an ``"embree"`` image; one per process is best when
-            several environments run.
-
-    Returns:
-        The camera.
-
-    Raises:
-        ValueError: If the back end is unknown, or cannot run on the device.
-        BackendError: If the back end is not installed.
-    """
-    if backend == "embree":
-        from anm_gym.sim.embree import EmbreeCamera
-
-        if device != "cpu":
-            raise ValueError(f"`device` must be 'cpu' for Embree, got {device!r}; choose backend='warp'")
-        return EmbreeCamera(mesh, spec, threads)
-    if backend == "warp":
-        from anm_gym.sim.warp_camera import WarpCamera
-
-        return WarpCamera(mesh, spec, device)
-    raise ValueError(f"unknown depth backend {backend!r}; choose one of: {', '.join(BACKENDS)}")

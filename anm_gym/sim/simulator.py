@@ -10,7 +10,8 @@ from anm_gym.actions import FORWARD_STEP_M, TURN_STEP_DEG, Action
 from anm_gym.errors import EpisodeError
 from anm_gym.geometry import CameraSpec, camera_pose, wrap_angle
 from anm_gym.mesh import TriangleMesh
-from anm_gym.sim.camera import DepthCamera, make_depth_camera
+from anm_gym.sim.backends import make_depth_camera
+from anm_gym.sim.camera import DepthCamera
 from anm_gym.sim.color import ColorCamera
 from anm_gym.sim.geodesic import GridGraph, nearest_free_cell
 from anm_gym.sim.motion import Motion, move_forward
@@ -35,7 +36,7 @@ class Simulator:
         floor_y_m: Height of the storey's floor, metres.
         camera: The depth camera.
         body: The agent's body.
-        backend: Depth back end, see `anm_gym.sim.camera.make_depth_camera`.
+        backend: Depth back end, see `anm_gym.sim.backends.make_depth_camera`.
         device: Device of the back end.
         cell_m: Edge of a cell of the traversable grid, metres.
         forward_step_m: Length of a forward step, metres.

@@ -12,7 +12,7 @@ from anm_gym.geometry import CameraSpec, camera_pose
 from anm_gym.map.frames import FrameStore
 from anm_gym.map.settings import SamplingSettings
 from anm_gym.mesh import TriangleMesh
-from anm_gym.sim.camera import make_depth_camera
+from anm_gym.sim.backends import make_depth_camera
 
 ROOM_M = (4.0, 2.5, 3.0)
 """Width (x), height (y) and depth (z) of the room."""

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from anm_gym.geometry import CameraSpec, camera_pose
 from anm_gym.map.occupancy import OccupancyGrid, OccupancySettings, clearance_of
 from anm_gym.mesh import TriangleMesh
-from anm_gym.sim.camera import make_depth_camera
+from anm_gym.sim.backends import make_depth_camera
 
 CAMERA = CameraSpec(width_px=128, height_px=128)
 POSE = camera_pose((0.0, 1.25, 0.0), 0.0)

@@ -5,7 +5,7 @@ from anm_gym.geometry import CameraSpec, camera_pose
 from anm_gym.map.occupancy import OccupancyGrid
 from anm_gym.map.reach import ReachSettings, reachable_space
 from anm_gym.mesh import TriangleMesh
-from anm_gym.sim.camera import make_depth_camera
+from anm_gym.sim.backends import make_depth_camera
 
 CAMERA = CameraSpec(width_px=128, height_px=128)
 

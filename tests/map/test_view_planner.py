@@ -8,7 +8,7 @@ from anm_gym.map.neural_map import NeuralMap
 from anm_gym.map.settings import map_settings
 from anm_gym.map.view_planner import PlannerSettings, SurfaceSettings, ViewPlanner, variable_surface
 from anm_gym.mesh import TriangleMesh
-from anm_gym.sim.camera import make_depth_camera
+from anm_gym.sim.backends import make_depth_camera
 
 START = np.array([-3.0, 0.0])
 

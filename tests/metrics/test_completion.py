@@ -4,7 +4,7 @@ from scipy.spatial import cKDTree
 
 from anm_gym.geometry import CameraSpec, backproject, camera_pose
 from anm_gym.metrics.completion import CompletionMeter, completion_samples
-from anm_gym.sim.camera import make_depth_camera
+from anm_gym.sim.backends import make_depth_camera
 
 CAMERA = CameraSpec(width_px=256, height_px=256)
 NUM_SAMPLES = 20_000

@@ -13,7 +13,7 @@ from anm_gym.metrics.view_table import (
     pack,
     unpack,
 )
-from anm_gym.sim.camera import make_depth_camera
+from anm_gym.sim.backends import make_depth_camera
 from anm_gym.sim.traversable import TraversableGrid
 
 CAMERA = CameraSpec()

@@ -106,7 +106,7 @@ def test_bedrooms_have_beds_and_kitchens_counters() -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_no_ray_from_inside_escapes(seed: int, rng: np.random.Generator) -> None:
     from anm_gym.geometry import CameraSpec
-    from anm_gym.sim.camera import make_depth_camera
+    from anm_gym.sim.backends import make_depth_camera
 
     home = build_home("flat", seed)
     grid = TraversableGrid.from_mesh(home.mesh, 0.0)

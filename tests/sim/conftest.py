@@ -6,7 +6,7 @@ import trimesh
 
 from anm_gym.geometry import CameraSpec
 from anm_gym.mesh import TriangleMesh
-from anm_gym.sim.camera import make_depth_camera
+from anm_gym.sim.backends import make_depth_camera
 
 
 @pytest.fixture(scope="session")

@@ -3,7 +3,7 @@ import pytest
 
 from anm_gym.geometry import CameraSpec, backproject, camera_pose
 from anm_gym.mesh import TriangleMesh
-from anm_gym.sim.camera import make_depth_camera
+from anm_gym.sim.backends import make_depth_camera
 
 EYE = (0.0, 1.25, 0.0)
 SMALL = {"width_px": 64, "height_px": 48}

@@ -5,7 +5,7 @@ import pytest
 
 from anm_gym.errors import BackendError
 from anm_gym.geometry import CameraSpec, camera_pose
-from anm_gym.sim.camera import make_depth_camera
+from anm_gym.sim.backends import make_depth_camera
 from anm_gym.sim.embree import EmbreeCamera
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from anm_gym.errors import BackendError
 from anm_gym.geometry import CameraSpec, camera_pose
-from anm_gym.sim.camera import make_depth_camera
+from anm_gym.sim.backends import make_depth_camera
 from anm_gym.sim.warp_camera import WarpCamera
 
 POSES = np.stack([camera_pose((x, 1.25, 0.2 * x), 1.7 * x) for x in (-2.6, -1.1, 0.9, 2.2)])
