@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from anm_gym.actions import FORWARD_STEP_M
+from anm_gym.map.cloud import SurfaceCloud
 from anm_gym.map.neural_map import NeuralMap
 from anm_gym.map.reach import ReachableSpace, ReachSettings, reachable_space
 from anm_gym.map.views import (
@@ -19,6 +20,7 @@ from anm_gym.map.views import (
     ViewSettings,
     expected_visibility,
     gains_by_heading,
+    in_image,
     rank_views,
     view_costs,
 )
@@ -39,6 +41,10 @@ class SurfaceSettings:
     only_unseen: bool = True
     """Drop surface that is taken as seen or floats in observed free space; False trusts variability
     alone."""
+    doubt_visibility: float = 0.9
+    """Surface that the present image should show with this likelihood, but does not, is doubted."""
+    doubt_m: float = 0.15
+    """Surface this close to doubted surface is not looked for again, metres."""
     reference_quantile: float = 0.9
     """Variability of observed surface at this quantile weighs one half."""
     reference_points: int = 512
@@ -117,7 +123,10 @@ class PlannerSettings:
 
 
 class ViewPlanner:
-    """Choose where to go and where to look.
+    """Choose where to go and where to look, within one episode.
+
+    Surface that should be in the image but is not seen there was imagined; the planner remembers it,
+    so as not to look for it again.
 
     Args:
         settings: What to look at, from where, at which cost.
@@ -125,6 +134,7 @@ class ViewPlanner:
 
     def __init__(self, settings: PlannerSettings | None = None) -> None:
         self.settings = settings or PlannerSettings()
+        self._doubted = SurfaceCloud(voxel_m=0.1)
 
     def plan(
         self,
@@ -150,11 +160,15 @@ class ViewPlanner:
             The view, or None if nothing variable can be seen from any reachable place.
         """
         space = reachable_space(neural_map.occupancy, position_xz, self.settings.reach)
-        surface = self._subsample(variable_surface(neural_map, self.settings.surface), rng)
+        camera_y_m = neural_map.occupancy.floor_y_m + neural_map.camera.sensor_height_m
+        center = np.insert(position_xz, 1, camera_y_m)
+        surface = self._believable(
+            variable_surface(neural_map, self.settings.surface), neural_map, center, heading_rad
+        )
+        surface = self._subsample(surface, rng)
         if space is None or len(surface.points) == 0:
             return None
         positions, distances, own = self._candidates(space, surface, position_xz, current, excluded_xz)
-        camera_y_m = neural_map.occupancy.floor_y_m + neural_map.camera.sensor_height_m
         centers = np.insert(positions, 1, camera_y_m, axis=1)
         visibility = expected_visibility(centers, surface.points, neural_map.volume, self.settings.views)
         gains = gains_by_heading(
@@ -168,6 +182,26 @@ class ViewPlanner:
         if current is not None and self._still_serves(current, utilities, best):
             return current
         return best
+
+    def _believable(
+        self, surface: VariableSurface, neural_map: NeuralMap, center: NDArray[np.float64], heading_rad: float
+    ) -> VariableSurface:
+        """Drop surface that this or an earlier image should have shown but did not."""
+        settings = self.settings.surface
+        if len(surface.points) == 0:
+            return surface
+        visibility = expected_visibility(
+            center[None], surface.points, neural_map.volume, self.settings.views
+        )[0]
+        missed = (visibility > settings.doubt_visibility) & in_image(
+            center, heading_rad, surface.points, neural_map.camera
+        )
+        if missed.any():
+            self._doubted.add(surface.points[missed])
+        if len(self._doubted) == 0:
+            return surface
+        keep = self._doubted.distance_of(surface.points) > settings.doubt_m
+        return VariableSurface(surface.points[keep], surface.weights[keep])
 
     def _subsample(self, surface: VariableSurface, rng: np.random.Generator) -> VariableSurface:
         """Keep at most `max_points` points."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anm_gym.actions import FORWARD_STEP_M, TURN_STEP_DEG
-from anm_gym.geometry import CameraSpec
+from anm_gym.geometry import CameraSpec, camera_pose
 from anm_gym.map.volume import OCCUPIED, UNKNOWN, ObservedVolume
 
 
@@ -89,6 +89,27 @@ def expected_visibility(
         unknown_m = settings.ray_step_m * np.add.reduceat(states == UNKNOWN, starts)
         result[place, point] = np.where(blocked, 0.0, np.exp(-unknown_m / settings.unknown_decay_m))
     return result
+
+
+def in_image(
+    center: NDArray[np.float64], heading_rad: float, points: NDArray[np.float32], camera: CameraSpec
+) -> NDArray[np.bool_]:
+    """Tell which points a level camera has inside its image, whatever stands between.
+
+    Args:
+        center: (3,) camera centre, metres, world frame.
+        heading_rad: Where it looks, radians.
+        points: (V, 3) metres, world frame.
+        camera: Its field of view.
+
+    Returns:
+        (V,) bool.
+    """
+    in_camera = (points - center) @ camera_pose(center, heading_rad)[:3, :3]
+    ahead = -in_camera[:, 2]
+    right, up = 0.5 * camera.width_px / camera.focal_px, 0.5 * camera.height_px / camera.focal_px
+    inside = (np.abs(in_camera[:, 0]) < right * ahead) & (np.abs(in_camera[:, 1]) < up * ahead)
+    return np.asarray(inside & (ahead > 0.0))
 
 
 def gains_by_heading(

@@ -86,6 +86,7 @@ class VariabilityGoalWrapper(GoalWrapper):
 
     def _begin_episode(self) -> None:
         self._view: View | None = None
+        self.planner = ViewPlanner(self.planning)
 
     def _propose_goal(self) -> Goal | None:
         return self._cluster_goal() if self.targets else self._view_goal(None)

@@ -67,3 +67,12 @@ def test_failed_places_are_left_out(left_room: NeuralMap, rng: np.random.Generat
 
 def test_agent_outside_the_known_floor_has_no_view(left_room: NeuralMap, rng: np.random.Generator) -> None:
     assert ViewPlanner().plan(left_room, np.array([30.0, 30.0]), 0.0, rng) is None
+
+
+def test_surface_that_should_be_in_the_image_is_not_looked_for_again(
+    left_room: NeuralMap, rng: np.random.Generator
+) -> None:
+    planner = ViewPlanner(PlannerSettings(surface=SurfaceSettings(doubt_visibility=-1.0, doubt_m=100.0)))
+    assert planner.plan(left_room, START, 0.0, rng) is None
+    trusting = ViewPlanner(PlannerSettings(surface=SurfaceSettings(doubt_visibility=2.0)))
+    assert trusting.plan(left_room, START, 0.0, rng) is not None

@@ -2,7 +2,14 @@ import numpy as np
 import pytest
 
 from anm_gym.geometry import CameraSpec
-from anm_gym.map.views import ViewSettings, expected_visibility, gains_by_heading, rank_views, view_costs
+from anm_gym.map.views import (
+    ViewSettings,
+    expected_visibility,
+    gains_by_heading,
+    in_image,
+    rank_views,
+    view_costs,
+)
 from anm_gym.map.volume import ObservedVolume
 
 SETTINGS = ViewSettings()
@@ -62,3 +69,11 @@ def test_best_view_has_the_highest_gain_per_step() -> None:
     assert best.position_xz.tolist() == [0.0, 0.0]
     assert np.isclose(best.heading_rad, np.deg2rad(30.0))
     assert np.isclose(best.utility, utilities.max())
+
+
+def test_image_holds_what_lies_within_half_the_field_of_view() -> None:
+    center = np.array([1.0, 1.25, 2.0])
+    directions = np.array([[0.9, 0, -1], [1.1, 0, -1], [0, 0.9, -1], [0, 1.1, -1], [0, 0, 1]], np.float32)
+    points = (center + 2.0 * directions).astype(np.float32)
+    assert in_image(center, 0.0, points, CAMERA).tolist() == [True, False, True, False, False]
+    assert in_image(center, np.pi, points, CAMERA).tolist() == [False, False, False, False, True]
