@@ -54,7 +54,9 @@ def _settings_of(owner: Any) -> dict[str, Any]:
     """Constructor arguments where they are recorded, and public attributes that are frozen dataclasses."""
     arguments = dict(getattr(owner, "_saved_kwargs", {}))
     arguments |= {name: value for name, value in vars(owner).items() if _is_settings(name, value)}
-    return {key: _plain(value) for key, value in arguments.items() if key not in _NOT_SETTINGS}
+    plain = _plain(arguments)
+    assert isinstance(plain, dict)
+    return plain
 
 
 def _is_settings(name: str, value: Any) -> bool:
@@ -66,7 +68,7 @@ def _plain(value: Any) -> Any:
     if is_dataclass(value) and not isinstance(value, type):
         value = asdict(value)
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): _plain(item) for key, item in value.items() if key not in _NOT_SETTINGS}
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
     return value if isinstance(value, str | int | float | bool | None) else type(value).__name__

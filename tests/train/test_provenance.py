@@ -58,3 +58,14 @@ def test_hash_does_not_depend_on_the_order_of_keys():
 
 def test_versions_name_what_makes_the_numbers():
     assert {"python", "numpy", "gymnasium", "torch"} <= set(versions())
+
+
+def test_real_environments_of_two_scenes_share_a_hash():
+    hashes = set()
+    for scene in ("home:studio:0", "home:studio:1"):
+        env = gym.make("anm_gym:ANM/Explore-v0", scene=scene, camera={"width_px": 8, "height_px": 8})
+        hashes.add(digest(effective_settings(env, Policy())))
+        env.close()
+    assert len(hashes) == 1
+    other = gym.make("anm_gym:ANM/Explore-v0", scene="home:studio:0", turn_step_deg=20.0)
+    assert digest(effective_settings(other, Policy())) not in hashes
