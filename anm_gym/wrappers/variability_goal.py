@@ -81,12 +81,11 @@ class VariabilityGoalWrapper(GoalWrapper):
             raise ValueError("`env` must have a neural map; wrap it in NeuralMapWrapper first")
         self.targets = targets or CLUSTER_PRESETS.get(preset)
         self.planning = planning or PlannerSettings()
-        self.planner = ViewPlanner(self.planning)
         super().__init__(env, limits=CLUSTER_LIMITS if self.targets else VIEW_LIMITS, seed=seed)
 
     def _begin_episode(self) -> None:
         self._view: View | None = None
-        self.planner = ViewPlanner(self.planning)
+        self._planner = ViewPlanner(self.planning)
 
     def _propose_goal(self) -> Goal | None:
         return self._cluster_goal() if self.targets else self._view_goal(None)
@@ -102,7 +101,7 @@ class VariabilityGoalWrapper(GoalWrapper):
 
     def _view_goal(self, current: View | None) -> Goal | None:
         """Plan the next best view."""
-        view = self.planner.plan(
+        view = self._planner.plan(
             self._neural_map,
             self.position_xz,
             self.heading_rad,
