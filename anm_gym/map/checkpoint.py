@@ -14,6 +14,7 @@ from anm_gym.geometry import CameraSpec
 from anm_gym.map.neural_map import NeuralMap
 from anm_gym.map.settings import (
     FieldSettings,
+    GridSettings,
     KeyframeSettings,
     LossSettings,
     MapSettings,
@@ -85,5 +86,6 @@ def load_map(path: str | Path, *, device: str = "cpu") -> NeuralMap:
 
 
 def _settings(plain: dict[str, Any]) -> MapSettings:
+    plain["field"]["grids"] = tuple(GridSettings(**grid) for grid in plain["field"].get("grids", ()))
     stages = {name: stage(**plain.pop(name)) for name, stage in _STAGES.items()}
     return MapSettings(**plain, **stages)

@@ -25,6 +25,15 @@ class PixelBatch:
     normals: Tensor
     """(R, 3) float32 unit surface normals towards the camera, world frame."""
 
+    def first(self, count: int) -> "PixelBatch":
+        """The first pixels."""
+        return self.take(slice(count))
+
+    def take(self, chosen: Tensor | slice) -> "PixelBatch":
+        """Some of the pixels."""
+        columns = (self.slots, self.depth_m, self.origins, self.directions, self.normals)
+        return PixelBatch(*(column[chosen] for column in columns))
+
     @property
     def surface(self) -> Tensor:
         """(R, 3) float32 observed surface points, metres, world frame."""

@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from anm_gym.map.fields import SoftplusField
+from anm_gym.map.fields import Field
 from anm_gym.map.frames import PixelBatch
 from anm_gym.map.sampling import sample_rays
 from anm_gym.map.settings import KeyframeSettings, SamplingSettings
@@ -14,7 +14,7 @@ RENDER_BEHIND_M = 0.8
 
 @torch.no_grad()
 def explained_share(
-    field: SoftplusField,
+    field: Field,
     pixels: PixelBatch,
     settings: KeyframeSettings,
     sampling: SamplingSettings,
@@ -23,7 +23,7 @@ def explained_share(
     """Measure which share of pixels a frozen map predicts.
 
     Args:
-        field: The frozen network.
+        field: The frozen field.
         pixels: Pixels of the frame.
         settings: Which test and its tolerance.
         sampling: Samples per ray of the `render` test.
@@ -45,7 +45,7 @@ def explained_share(
 
 
 def _render_depth(
-    field: SoftplusField, pixels: PixelBatch, sampling: SamplingSettings, generator: torch.Generator
+    field: Field, pixels: PixelBatch, sampling: SamplingSettings, generator: torch.Generator
 ) -> Tensor:
     """(R,) depth of the first sample behind a predicted surface, corrected by its distance; 0 if none."""
     extended = PixelBatch(

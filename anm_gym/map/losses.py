@@ -6,12 +6,21 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from anm_gym.map.fields import SoftplusField
+from anm_gym.map.fields import NetworkField
 from anm_gym.map.sampling import RayBatch
 from anm_gym.map.settings import DistanceTarget, LossSettings
 
 CloudDistance = Callable[[Tensor], Tensor]
 """Maps (N, 3) points to their (N,) unsigned distance from the observed surface cloud, metres."""
+
+CLOUD_FROM_M = 0.15
+"""Samples farther in front of their surface ask for the nearest point of the cloud, metres."""
+MIN_COSINE = 0.3
+"""Normals at the edges of things may be perpendicular to the ray; the distance then must not vanish."""
+CLOUD_SPACING_M = 0.04
+"""By so much the distance to the nearest point of the cloud may exceed that to its surface, metres."""
+CLOUD_SPREAD = 0.01
+"""And by so much more per metre of depth, as pixels lie farther apart."""
 
 
 @dataclass(frozen=True)
@@ -39,8 +48,8 @@ def distance_bound(rays: RayBatch, kind: DistanceTarget, cloud_distance: CloudDi
     Args:
         rays: (R, S) samples.
         kind: `ray`: distance along the ray; `normal`: that times the cosine between ray and surface
-            normal; `batch`: distance to the nearest surface sample of the batch; `cloud`: the
-            smaller of `normal` and the distance to everything observed so far (ours).
+            normal; `batch`: distance to the nearest surface sample of the batch; `cloud`: `normal`,
+            held within what the distance to everything observed so far allows (ours).
         cloud_distance: Distance to the observed cloud, used by `cloud` alone.
 
     Returns:
@@ -60,8 +69,13 @@ def distance_bound(rays: RayBatch, kind: DistanceTarget, cloud_distance: CloudDi
     planar = bound * cosine
     if kind == "normal":
         return planar
-    nearest = cloud_distance(rays.points.reshape(-1, 3)).reshape(bound.shape)
-    return torch.sign(bound) * torch.minimum(planar.abs(), nearest)
+    is_far = bound > CLOUD_FROM_M
+    nearest = cloud_distance(rays.points[is_far])
+    spacing = (CLOUD_SPACING_M + CLOUD_SPREAD * rays.pixels.depth_m[:, None]).expand(bound.shape)[is_far]
+    highest = torch.minimum(bound[is_far], nearest)
+    lowest = torch.minimum(nearest - spacing, highest)
+    planar = bound * cosine.clamp(min=MIN_COSINE)
+    return planar.masked_scatter(is_far, torch.maximum(torch.minimum(planar[is_far], highest), lowest))
 
 
 def distance_loss(prediction: Tensor, bound: Tensor, settings: LossSettings) -> Tensor:
@@ -90,7 +104,7 @@ def distance_loss(prediction: Tensor, bound: Tensor, settings: LossSettings) -> 
 
 
 def map_loss(
-    field: SoftplusField,
+    field: NetworkField,
     rays: RayBatch,
     bound: Tensor,
     settings: LossSettings,

@@ -5,7 +5,7 @@ are asked through `sdf`, `gradient` and `variability`.
 """
 
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -15,15 +15,15 @@ from torch import Tensor
 from anm_gym.errors import MapError
 from anm_gym.geometry import CameraSpec
 from anm_gym.map.cloud import SurfaceCloud
-from anm_gym.map.fields import SoftplusField
 from anm_gym.map.frames import FrameStore
+from anm_gym.map.hybrid_field import make_field
 from anm_gym.map.keyframes import explained_share
 from anm_gym.map.losses import LossTerms, distance_bound, map_loss
 from anm_gym.map.numerics import flushed_subnormals, has_fast_bfloat16, workers_flush_subnormals
 from anm_gym.map.occupancy import OccupancyGrid
 from anm_gym.map.perturbation import perturbations, variability
 from anm_gym.map.sampling import RayBatch, sample_rays
-from anm_gym.map.settings import MapSettings
+from anm_gym.map.settings import MapSettings, VariabilitySettings
 from anm_gym.map.volume import ObservedVolume
 from anm_gym.map.zero_crossings import EMPTY, Lattice, ZeroCrossings, extract_zero_crossings
 from anm_gym.stopwatch import Stopwatch
@@ -79,11 +79,11 @@ class NeuralMap:
         self.stopwatch = Stopwatch()
         self.num_frames, self.num_keyframes = 0, 0
         self.cloud, self.volume = SurfaceCloud(), ObservedVolume(camera)
-        self.field = SoftplusField(settings.field, torch.Generator().manual_seed(seed)).to(self.device)
+        self.field = make_field(settings.field, torch.Generator().manual_seed(seed)).to(self.device)
         self.frames = FrameStore(camera, settings.sampling, self.device)
         self._generator = torch.Generator(self.device).manual_seed(seed + 1)
         self._optimizer = torch.optim.AdamW(
-            self.field.parameters(),
+            self.field.network.parameters(),
             lr=settings.schedule.learning_rate,
             weight_decay=settings.schedule.weight_decay,
         )
@@ -123,25 +123,25 @@ class NeuralMap:
         expected = (self.camera.height_px, self.camera.width_px)
         if depth_m.shape[:2] != expected:
             raise ValueError(f"`depth_m` must have shape {expected}, got {depth_m.shape}")
-        sampling = self.settings.sampling
         with self.stopwatch("observe"):
             is_keyframe = self._admit(depth_m, world_from_camera)
             self._log(depth_m, world_from_camera)
         with self.stopwatch("learn"), flushed_subnormals():
-            before, terms, done = self._weights(), None, 0
+            before, done, terms = self._weights(), 0, None
             for _ in range(self._iterations(is_keyframe)):
                 window = self.frames.window(self._generator)
-                pixels = self.frames.sample_pixels(
-                    window, sampling.rays_of_each(len(window)), self._generator
-                )
-                rays = sample_rays(pixels, sampling, self._generator)
-                if len(rays.points) == 0:
-                    continue
-                terms = self._loss(rays, is_keyframe)
-                self._descend(terms)
-                done += 1
-                self.frames.record_losses(window, pixels.slots, terms.per_ray)
+                rays = self._draw_rays(window)
+                if len(rays.points):
+                    bound = self._bound(rays)
+                    terms = self._loss(rays, bound, is_keyframe)
+                    self._descend(terms)
+                    self._show(rays, bound)
+                    self.frames.record_losses(window, rays.pixels.slots[: len(terms.per_ray)], terms.per_ray)
+                    done += 1
+            self._fill_in()
             self._weight_change = self._weights() - before
+            if is_keyframe or self.num_frames == 1:
+                self._frozen.load_state_dict(self.field.state_dict())
         return _summary(is_keyframe, done, terms)
 
     def sdf(self, points: NDArray[np.floating]) -> NDArray[np.float32]:
@@ -164,10 +164,12 @@ class NeuralMap:
         Source:
             Active Neural Mapping, Sec. 4.2, Eq. 4.
         """
-        settings = self.settings.variability
-        evidence = self._evidence(settings.evidence_points)
-        draws = perturbations(self.field, settings, self._weight_change, evidence, self._generator)
-        return _array(variability(self.field, self._tensor(points), draws, settings))
+        return self._variability(points, self.settings.variability)
+
+    def posterior_std(self, points: NDArray[np.floating]) -> NDArray[np.float32]:
+        """Standard deviation of predictions at (N, 3) points by the Laplace family, (N,) float32 metres."""
+        settings = replace(self.settings.variability, family="laplace", statistic="variance")
+        return np.sqrt(self._variability(points, settings))
 
     def zero_crossings(self, voxel_m: float, margin_m: float = 0.2) -> ZeroCrossings:
         """Extract the predicted surface over the observed extent, with cubic cells of `voxel_m`."""
@@ -177,12 +179,15 @@ class NeuralMap:
         return extract_zero_crossings(self.sdf, Lattice.with_spacing(bounds, voxel_m))
 
     def mesh(self, voxel_m: float = 0.06, crop_m: float = 0.25) -> ZeroCrossings:
-        """Reconstruct the scene: zero-crossings within `crop_m` of an observed point."""
+        """Reconstruct the scene: zero-crossings within `crop_m` of an observed point that are well known."""
         surface = self.zero_crossings(voxel_m)
         if len(surface) == 0:
             return surface
-        near = self.cloud.distance_of(surface.vertices) <= crop_m
-        return surface.keep_vertices(near, whole_faces=False)
+        kept = self.cloud.distance_of(surface.vertices) <= crop_m
+        limit_m = self.settings.reconstruction_std_m
+        if limit_m is not None:
+            kept[kept] = self.posterior_std(surface.vertices[kept]) <= limit_m
+        return surface.keep_vertices(kept, whole_faces=False)
 
     def state(self) -> dict[str, Tensor]:
         """Tensors from which `load_state` restores the map, all but its occupancy grid."""
@@ -223,9 +228,16 @@ class NeuralMap:
             self._generator.set_state(saved)
         self.num_frames, self.num_keyframes, self._frames_since_keyframe = state["counts"].tolist()
 
+    def _variability(
+        self, points: NDArray[np.floating], settings: VariabilitySettings
+    ) -> NDArray[np.float32]:
+        evidence = self._evidence(settings.evidence_points)
+        draws = perturbations(self.field, settings, self._weight_change, evidence, self._generator)
+        return _array(variability(self.field, self._tensor(points), draws, settings, self._weight_change))
+
     def _moments(self) -> dict[str, Tensor]:
         """Adam's moments by parameter, empty before the first iteration."""
-        named = dict(self.field.named_parameters())
+        named = dict(self.field.network.named_parameters())
         return {
             f"{name}:{key}": value
             for name, parameter in named.items()
@@ -233,7 +245,7 @@ class NeuralMap:
         }
 
     def _load_moments(self, moments: dict[str, Tensor]) -> None:
-        named = dict(self.field.named_parameters())
+        named = dict(self.field.network.named_parameters())
         for label, value in moments.items():
             name, key = label.rsplit(":", 1)
             self._optimizer.state[named[name]][key] = value
@@ -243,8 +255,7 @@ class NeuralMap:
         depth = torch.as_tensor(depth_m, device=self.device).reshape(self.camera.height_px, -1)
         pose = torch.as_tensor(world_from_camera, dtype=torch.float32, device=self.device)
         if self.num_frames == 0:
-            self.field.encoding.center_m.copy_(pose[:3, 3])
-            self._frozen.encoding.center_m.copy_(pose[:3, 3])
+            self.field.network.encoding.center_m.copy_(pose[:3, 3])
         is_keyframe = self.num_frames > 0 and self._explains_too_little()
         if is_keyframe or self.num_frames == 0:
             self.frames.append(depth, pose)
@@ -252,9 +263,7 @@ class NeuralMap:
         else:
             self.frames.replace_last(depth, pose)
             self._frames_since_keyframe += 1
-        if is_keyframe:
-            self.num_keyframes += 1
-            self._frozen.load_state_dict(self.field.state_dict())
+        self.num_keyframes += is_keyframe
         self.num_frames += 1
         return is_keyframe
 
@@ -283,16 +292,42 @@ class NeuralMap:
             return schedule.first_iterations
         return schedule.keyframe_iterations if is_keyframe else schedule.iterations
 
-    def _loss(self, rays: RayBatch, is_keyframe: bool) -> LossTerms:
+    def _draw_rays(self, window: Tensor) -> RayBatch:
+        """Draw pixels from each frame of a window and points along their rays."""
+        sampling = self.settings.sampling
+        pixels = self.frames.sample_pixels(window, sampling.rays_of_each(len(window)), self._generator)
+        return sample_rays(pixels, sampling, self._generator)
+
+    def _fill_in(self) -> None:
+        """Show the grids those pixels of the newest frame whose surface the finest of them knows least."""
+        sampling, grids = self.settings.sampling, self.field.grids()
+        if not grids:
+            return
+        newest = torch.tensor([len(self.frames) - 1], device=self.device)
+        drawn = sampling.fill_in_candidates * sampling.fill_in_rays
+        pixels = self.frames.sample_pixels(newest, drawn, self._generator)
+        known = grids[-1].known_share(grids[-1].corners(pixels.surface))
+        least = known.topk(min(sampling.fill_in_rays, len(known)), largest=False).indices
+        rays = sample_rays(pixels.take(least), replace(sampling, stratified=0), self._generator)
+        self._show(rays, self._bound(rays))
+
+    def _bound(self, rays: RayBatch) -> Tensor:
+        return distance_bound(rays, self.settings.loss.distance_target, self.cloud.distance)
+
+    def _show(self, rays: RayBatch, bound: Tensor) -> None:
+        self.field.observe(rays.points.reshape(-1, 3), bound.reshape(-1))
+
+    def _loss(self, rays: RayBatch, bound: Tensor, is_keyframe: bool) -> LossTerms:
+        """Loss of the network on its share of the rays."""
         settings, schedule = self.settings.loss, self.settings.schedule
+        count = max(1, round(settings.network_share * len(bound)))
+        rays, bound = rays.first(count), bound[:count]
         std = schedule.keyframe_output_noise if is_keyframe else schedule.output_noise
-        shape = rays.ray_bound_m.shape
         noise = None
         if std > 0.0:
-            noise = std * torch.randn(shape, generator=self._generator, device=self.device)
-        bound = distance_bound(rays, settings.distance_target, self.cloud.distance)
+            noise = std * torch.randn(bound.shape, generator=self._generator, device=self.device)
         with self._precision():
-            return map_loss(self.field, rays, bound, settings, noise, self._dropout)
+            return map_loss(self.field.network, rays, bound, settings, noise, self._dropout)
 
     @property
     def _dropout(self) -> torch.Generator | None:
@@ -314,7 +349,7 @@ class NeuralMap:
         return self.frames.sample_pixels(everything, per_frame, self._generator).surface[:count]
 
     def _weights(self) -> Tensor:
-        return torch.nn.utils.parameters_to_vector(self.field.parameters()).detach()
+        return torch.nn.utils.parameters_to_vector(self.field.network.parameters()).detach()
 
     def _tensor(self, points: NDArray[np.floating]) -> Tensor:
         if points.ndim != 2 or points.shape[1] != 3:

@@ -20,6 +20,10 @@ class RayBatch:
     ray_bound_m: Tensor
     """(R, S) float32 distance along the ray to its surface, metres, negative behind it."""
 
+    def first(self, count: int) -> "RayBatch":
+        """The first rays; as the frames take turns, they hold all frames evenly."""
+        return RayBatch(self.pixels.first(count), self.points[:count], self.ray_bound_m[:count])
+
 
 def sample_rays(pixels: PixelBatch, settings: SamplingSettings, generator: torch.Generator) -> RayBatch:
     """Place surface, near-surface and stratified samples on each ray.

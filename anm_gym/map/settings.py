@@ -13,6 +13,30 @@ DistanceTarget = Literal["ray", "normal", "batch", "cloud"]
 KeyframeTest = Literal["render", "surface"]
 PerturbationFamily = Literal["unit_norm", "delta_norm", "delta_weight", "laplace", "dropout"]
 VariabilityStatistic = Literal["variance", "mean_absolute"]
+Activation = Literal["softplus", "relu"]
+PointEncoding = Literal["icosahedral", "axes"]
+
+
+@dataclass(frozen=True)
+class GridSettings:
+    """One resolution of a `DistanceGrid` (ours)."""
+
+    voxel_m: float
+    """Spacing of the corners, metres."""
+    band_m: float
+    """Observations with a larger absolute distance are left to coarser grids, metres."""
+    noise_m: float
+    """Standard deviation of one observation about the interpolated distance, metres."""
+    prior_std_m: float
+    """Standard deviation of what is predicted without this grid, metres."""
+    max_evidence: float = 30.0
+    """Observations after which a corner follows a moving average; 1 is a full observation at the corner."""
+    behind_weight: float = 0.5
+    """Evidence of an observation behind the surface, where thin things end; 1 in front of it."""
+
+    def __post_init__(self) -> None:
+        if min(self.voxel_m, self.band_m, self.noise_m, self.prior_std_m, self.max_evidence) <= 0.0:
+            raise ValueError(f"lengths and limits of a grid must be > 0, got {self}")
 
 
 @dataclass(frozen=True)
@@ -35,6 +59,14 @@ class FieldSettings:
     """Sharpness of the softplus activations."""
     output_scale: float = 0.14
     """Factor on the network's output, metres (released code)."""
+    activation: Activation = "softplus"
+    """`relu` is the substitute of the paper's ablation (Module 4)."""
+    encoding: PointEncoding = "icosahedral"
+    """Directions of the encoding: iSDF's 21, or the three axes of the paper's ablation."""
+    joins_encoding: bool = True
+    """Whether the encoding joins again in the middle; it does not in the paper's ablation."""
+    grids: tuple[GridSettings, ...] = ()
+    """Grids that refine the network, coarse to fine (ours)."""
     dropout: float = 0.0
     """Share of the units dropped before each activation in training and in the draws of the `dropout`
     family; the paper's ablation has 0.05."""
@@ -74,14 +106,19 @@ class SamplingSettings:
     """Farthest valid depth, metres."""
     fill_window: bool = False
     """Share out the rays of a full window while there are fewer frames (ours)."""
+    fill_in_rays: int = 480
+    """Pixels of the newest frame that are shown to the grids beside the iterations, where the finest
+    grid knows least (ours)."""
+    fill_in_candidates: int = 4
+    """Pixels that are drawn for each such pixel."""
     weighted_replay: bool = True
     """Draw replayed keyframes in proportion to their last loss; False draws them uniformly."""
 
     def __post_init__(self) -> None:
         if self.window_frames < 3:
             raise ValueError(f"`window_frames` must be >= 3, got {self.window_frames}")
-        if self.rays_per_frame < 1 or self.stratified < 1 or self.near_surface < 1:
-            raise ValueError("`rays_per_frame`, `stratified` and `near_surface` must be >= 1")
+        if self.rays_per_frame < 1 or self.stratified < 0 or self.near_surface < 1:
+            raise ValueError("`rays_per_frame` and `near_surface` must be >= 1, `stratified` >= 0")
 
     def rays_of_each(self, num_frames: int) -> int:
         """Pixels drawn of each frame of a window with `num_frames` frames."""
@@ -117,6 +154,8 @@ class LossSettings:
     """Weight of | ||gradient|| - 1 |."""
     eikonal_min_m: float = 0.1
     """The eikonal term acts where the bound is at least this, metres."""
+    network_share: float = 1.0
+    """Share of the rays that the network learns from; grids learn from all (ours)."""
     normal_weight: float = 0.018
     """Weight of 1 - cos(gradient, normal)."""
     gradient_share: float = 1.0
@@ -189,6 +228,8 @@ class VariabilitySettings:
     """Variance of the predictions (paper) or mean absolute change (released code)."""
     prior_precision: float = 1.0
     """Precision of the last layer's Gaussian prior (Laplace family)."""
+    noise_m: float = 0.05
+    """Standard deviation of an observation about the network's prediction, metres (Laplace family)."""
     evidence_points: int = 4096
     """Replayed surface points that the Laplace posterior is fitted to."""
 
@@ -205,6 +246,9 @@ class MapSettings:
     schedule: ScheduleSettings = ScheduleSettings()
     keyframes: KeyframeSettings = KeyframeSettings()
     variability: VariabilitySettings = VariabilitySettings()
+    reconstruction_std_m: float | None = None
+    """The reconstruction leaves out zero-crossings whose posterior standard deviation is larger, metres
+    (ours); None keeps all that lie near observed points, as the released code does."""
 
     @property
     def settings_hash(self) -> str:
@@ -221,14 +265,29 @@ RELEASED: Final = MapSettings(
 )
 FAST: Final = MapSettings(
     preset="fast",
-    sampling=SamplingSettings(
-        window_frames=8, rays_per_frame=24, stratified=5, near_surface=3, fill_window=True
+    field=FieldSettings(
+        width=128,
+        grids=(
+            GridSettings(voxel_m=0.2, band_m=100.0, noise_m=0.1, prior_std_m=0.3),
+            GridSettings(voxel_m=0.05, band_m=0.15, noise_m=0.03, prior_std_m=0.06),
+        ),
     ),
-    loss=LossSettings(distance_target="cloud", regress_free_space=True, gradient_share=0.25),
+    sampling=SamplingSettings(
+        window_frames=8,
+        rays_per_frame=60,
+        stratified=4,
+        near_surface=6,
+        near_surface_std_m=0.06,
+        behind_m=0.08,
+        fill_window=True,
+    ),
+    loss=LossSettings(
+        distance_target="cloud", regress_free_space=True, gradient_share=0.25, network_share=0.3
+    ),
     schedule=ScheduleSettings(
-        first_iterations=150,
-        iterations=4,
-        keyframe_iterations=6,
+        first_iterations=60,
+        iterations=1,
+        keyframe_iterations=2,
         learning_rate=0.0015,
         output_noise=0.0,
         keyframe_output_noise=0.0,
@@ -236,6 +295,7 @@ FAST: Final = MapSettings(
     ),
     keyframes=KeyframeSettings(test="surface", rays=200, relative_error=0.05, max_interval=50),
     variability=VariabilitySettings(family="laplace", draws=128),
+    reconstruction_std_m=0.04,
 )
 BEST: Final = replace(FAST, preset="best")
 PRESETS: Final = {settings.preset: settings for settings in (PAPER, RELEASED, FAST, BEST)}

@@ -64,7 +64,7 @@ def test_file_with_a_missing_tensor_is_refused(trained: NeuralMap, tmp_path: Pat
     with safe_open(str(path), framework="pt") as file:
         metadata = file.metadata()
     tensors = load_file(path)
-    del tensors["field.output.weight"]
+    del tensors["field.prior.output.weight"]
     save_file(tensors, path, metadata=metadata)
     with pytest.raises(MapError, match="must fit its settings"):
         load_map(path)

@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from anm_gym.map.fields import IcosahedralEncoding, SoftplusField, icosahedral_directions
+from anm_gym.map.fields import Encoding, NetworkField, icosahedral_directions
 from anm_gym.map.settings import FieldSettings
 
 
@@ -14,7 +14,7 @@ def test_there_are_21_directions_no_two_of_them_parallel() -> None:
 
 
 def test_encoding_has_255_features_with_the_longest_wave_of_106_metres() -> None:
-    encoding = IcosahedralEncoding(FieldSettings())
+    encoding = Encoding(FieldSettings())
     assert encoding.num_features == 255
     direction = icosahedral_directions()[0]
     wavelength_m = 2.0 * torch.pi / 0.05937489
@@ -27,18 +27,18 @@ def test_encoding_has_255_features_with_the_longest_wave_of_106_metres() -> None
 def test_paper_and_released_networks_have_their_sizes(
     hidden_layers: int, parameters: int, generator: torch.Generator
 ) -> None:
-    field = SoftplusField(FieldSettings(hidden_layers=hidden_layers), generator)
+    field = NetworkField(FieldSettings(hidden_layers=hidden_layers), generator)
     assert sum(parameter.numel() for parameter in field.parameters()) == parameters
 
 
 def test_same_seed_gives_the_same_weights() -> None:
-    first, second = (SoftplusField(FieldSettings(), torch.Generator().manual_seed(5)) for _ in range(2))
+    first, second = (NetworkField(FieldSettings(), torch.Generator().manual_seed(5)) for _ in range(2))
     points = torch.rand(10, 3)
     assert torch.equal(first(points), second(points))
 
 
 def test_gradient_agrees_with_finite_differences(generator: torch.Generator) -> None:
-    field = SoftplusField(FieldSettings(width=32), generator).double()
+    field = NetworkField(FieldSettings(width=32), generator).double()
     field.encoding.double()
     points = torch.rand(20, 3, dtype=torch.float64, requires_grad=True)
     raw = field.output(field.features(points)).squeeze(1)

@@ -93,7 +93,7 @@ def test_paper_and_released_presets_learn(preset: str, tour) -> None:
 
 
 def test_map_with_dropout_learns_and_is_variable(tour) -> None:
-    settings = small(first_iterations=20)
+    settings = small("paper", first_iterations=20)
     settings = replace(
         settings,
         field=replace(settings.field, dropout=0.05),
@@ -137,7 +137,7 @@ def test_frame_without_depth_changes_no_weight(tour) -> None:
     before = neural_map.sdf(np.zeros((1, 3)))
     update = neural_map.integrate(np.zeros((64, 64), np.float32), tour.poses[0])
     assert update.iterations == 0
-    neural_map.field.encoding.center_m.zero_()
+    neural_map.field.network.encoding.center_m.zero_()
     assert neural_map.sdf(np.zeros((1, 3))) == before
 
 
