@@ -16,6 +16,8 @@ PALETTE: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E
 MIN_BAND_CURVES: Final = 3
 """Fewer curves have intervals too wide to be drawn."""
 
+_MARKERS: Final = ("o", "s", "^", "D", "v", "P", "X")
+_SMALLEST_M: Final = 1e-5
 _TEXT: Final = "#333333"
 _GRID: Final = "#e5e5e5"
 
@@ -127,6 +129,88 @@ def completion_figure(
     label = "completion ratio (%), mean and 95 % CI"
     plot_curves(left, over_steps, float(steps), "steps", label)
     plot_curves(right, over_metres, max(longest_m, 1e-3), "path length (m)", label, first=False)
+    return _save(result, path)
+
+
+def reliability_figure(curves: Mapping[str, NDArray[np.float64]], path: Path) -> Path:
+    """Draw true against predicted errors on logarithmic axes, one line per group, and save the PNG.
+
+    Args:
+        curves: By group, (B, 2) predicted standard deviation and root mean square error, metres.
+        path: Where the PNG goes.
+
+    Returns:
+        `path`.
+    """
+    result, (axes,) = figure(1, width_in=5.6, height_in=4.6)
+    axes.axline((1.0, 1.0), (10.0, 10.0), color=_TEXT, linewidth=1.0, linestyle=":", label="as predicted")
+    for index, (name, curve) in enumerate(curves.items()):
+        std_cm, error_cm = 100.0 * np.maximum(curve, _SMALLEST_M).T
+        color = PALETTE[index % len(PALETTE)]
+        axes.plot(std_cm, error_cm, color=color, linewidth=2.0, marker="o", markersize=4.5, label=name)
+    for name, values in zip("xy", np.concatenate(list(curves.values())).T, strict=True):
+        _make_logarithmic(axes, name, 100.0 * np.maximum(values, _SMALLEST_M))
+    axes.set_xlabel("predicted standard deviation (cm)")
+    axes.set_ylabel("root mean square error (cm)")
+    axes.legend(frameon=False, fontsize=9)
+    return _save(result, path)
+
+
+def tradeoff_figure(
+    points: Mapping[str, Mapping[str, float]],
+    x: tuple[str, str],
+    measures: Sequence[tuple[str, str]],
+    path: Path,
+) -> Path:
+    """Draw several errors over one cost on a logarithmic axis, one marker per group, and save the PNG.
+
+    Args:
+        points: By group, values by key.
+        x: Key and label of the cost.
+        measures: Key and label of each error, a panel each; lower is better.
+        path: Where the PNG goes.
+
+    Returns:
+        `path`.
+    """
+    result, panels = figure(len(measures), width_in=3.4 * len(measures), height_in=3.8)
+    for axes, (key, label) in zip(panels, measures, strict=True):
+        for index, (name, values) in enumerate(points.items()):
+            look = {"color": PALETTE[index % len(PALETTE)], "marker": _MARKERS[index % len(_MARKERS)]}
+            axes.plot(
+                values[x[0]],
+                values[key],
+                markersize=9,
+                markeredgecolor="white",
+                linestyle="none",
+                label=name,
+                **look,
+            )
+        axes.margins(0.2)
+        axes.set_ylim(bottom=0.0)
+        _make_logarithmic(axes, "x", [values[x[0]] for values in points.values()])
+        axes.set_xlabel(x[1])
+        axes.set_ylabel(label)
+    names, count = panels[0].get_legend_handles_labels(), len(points)
+    result.legend(*names, loc="outside upper center", ncols=max(1, min(count, 7)), frameon=False, fontsize=10)
+    return _save(result, path)
+
+
+def _make_logarithmic(axes: Any, name: str, values: ArrayLike) -> None:
+    """Make the axis called `name` logarithmic around positive values, with plain numbers at its ticks."""
+    from matplotlib.ticker import LogLocator
+
+    positive = np.asarray(values, np.float64)
+    middle = float(np.sqrt(positive.min() * positive.max()))
+    low, high = min(positive.min() / 1.5, middle / 4.0), max(positive.max() * 1.5, middle * 4.0)
+    axes.set(**{f"{name}scale": "log", f"{name}lim": (low, high)})
+    axis = getattr(axes, f"{name}axis")
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 50.0 * low else (1.0,)))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_locator(LogLocator(subs=()))
+
+
+def _save(result: Any, path: Path) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     result.savefig(path, dpi=150)
     return path

@@ -4,15 +4,16 @@ import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
 from train import html
 from train.html import Cell, Section
-from train.plots import Curve, completion_figure
+from train.plots import Curve, completion_figure, reliability_figure
 from train.results import Row
 from train.tables import (
+    CALIBRATION_MEASURES,
     MEASURES,
     OFFICIAL_MEASURES,
     ORACLE,
@@ -25,6 +26,7 @@ from train.tables import (
     format_estimate,
     group_by_agent,
     make_table,
+    mean_reliability,
     notes,
     paired_differences,
     value_of,
@@ -32,12 +34,9 @@ from train.tables import (
 )
 from train.trajectory import Trajectory
 
-CALIBRATION_FILE: Final = "calibration.png"
-"""A picture of this name in the run's folder, with a `calibration.txt` beside it, becomes a section."""
-
 
 def write_report(out: Path, rows: Sequence[Row], title: str) -> Path:
-    """Write `report.html` and `curves.png` into the run's folder.
+    """Write `report.html`, `curves.png` and, where there are maps, `reliability.png` into the run's folder.
 
     Args:
         out: The run's folder, with `episodes/` and `pictures/` of its episodes.
@@ -55,13 +54,13 @@ def write_report(out: Path, rows: Sequence[Row], title: str) -> Path:
     steps, metres = load_curves(out, good)
     curves = completion_figure(steps, metres, table.steps, out / "curves.png") if good else out / "none"
     sections = [
-        Section("Comparison", _comparison(table, columns_of(table)) + _table_notes(table)),
+        Section("Comparison", _comparison(table.lines, columns_of(table)) + _table_notes(table)),
         Section("Paired differences", _differences(table, good)),
         Section("Completion", html.image(curves, "Completion ratio over steps and over metres travelled.")),
         Section("By scene", _by_scene(good)),
-        Section("As the released evaluation measures", _comparison(table, _official(table))),
+        Section("As the released evaluation measures", _comparison(table.lines, _official(table))),
         Section("CPU time", _compute(good)),
-        Section("Calibration of the neural variability", _calibration(out)),
+        Section("Calibration of the map's uncertainty", _calibration(out, table, good)),
         Section("Episodes", _episodes(rows) + _thumbnails(out, good)),
         Section("Failures", _failures(rows)),
         Section("Provenance", _provenance(table, rows)),
@@ -86,12 +85,12 @@ def load_curves(out: Path, rows: Sequence[Row]) -> tuple[dict[str, list[Curve]],
     return dict(steps), dict(metres)
 
 
-def _comparison(table: Table, measures: Sequence[Measure]) -> str:
+def _comparison(lines: Sequence[AgentLine], measures: Sequence[Measure]) -> str:
     if not measures:
         return ""
-    best = {measure.key: _best(table.lines, measure) for measure in measures}
+    best = {measure.key: _best(lines, measure) for measure in measures}
     headings = ["agent", "episodes", *(measure.heading for measure in measures)]
-    return html.table(headings, [_agent_cells(line, measures, best) for line in table.lines])
+    return html.table(headings, [_agent_cells(line, measures, best) for line in lines])
 
 
 def _agent_cells(line: AgentLine, measures: Sequence[Measure], best: Mapping[str, float]) -> list[Cell]:
@@ -172,10 +171,24 @@ def _compute(rows: Sequence[Row]) -> str:
     return html.table(["ms per step", *modules], body) if body else ""
 
 
-def _calibration(out: Path) -> str:
-    text = out / "calibration.txt"
-    note = html.paragraph(text.read_text(encoding="utf-8")) if text.is_file() else ""
-    return html.image(out / CALIBRATION_FILE, "Calibration") + note
+def _calibration(out: Path, table: Table, rows: Sequence[Row]) -> str:
+    """Whether neural variability tells where a map is wrong; nothing if no agent has a map."""
+    lines = [line for line in table.lines if any(m.key in line.estimates for m in CALIBRATION_MEASURES)]
+    if not lines:
+        return ""
+    note = (
+        "Over the zero-crossings that a view planner may consider. AUROC: chance that unseen surface has a "
+        "higher variability than seen surface, false surface (5 cm or more off) than true; 0.5 is chance. "
+        "AUSE: 0 if variability sorts by the true error, about 1 or more if it does not. Then the map where "
+        "it has seen: distance predicted on seen surface, error in crossed free space, share of it taken "
+        "for solid."
+    )
+    groups = {agent_name(*key): mean_reliability(group) for key, group in group_by_agent(rows).items()}
+    curves = {name: curve for name, curve in groups.items() if len(curve)}
+    picture = reliability_figure(curves, out / "reliability.png") if curves else out / "none"
+    caption = "True against predicted error of the zero-crossings, in ten bins; on the line they are equal."
+    comparison = _comparison(lines, CALIBRATION_MEASURES)
+    return comparison + html.paragraph(note) + html.image(picture, caption)
 
 
 def _episodes(rows: Sequence[Row]) -> str:

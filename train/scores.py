@@ -8,6 +8,7 @@ import numpy as np
 from anm_gym.actions import FORWARD_STEP_M
 from anm_gym.metrics.completion import CompletionMeter
 from anm_gym.metrics.curves import auc_over_metres, auc_over_steps
+from anm_gym.metrics.distance import MeshDistance
 from anm_gym.metrics.map_accuracy import field_scores, reconstruction_scores
 from anm_gym.metrics.table_cache import load_view_table
 from anm_gym.scenes.scene import Scene
@@ -60,16 +61,20 @@ def map_scores(neural_map: Any, scene: Scene) -> Row:
     """Score a neural map against the true surface of the storey.
 
     Args:
-        neural_map: Has `sdf(points)` and `mesh()`, as `NeuralMap` does.
+        neural_map: The agent's `NeuralMap` at the end of the episode.
         scene: The scene that was mapped.
 
     Returns:
-        Distance of the field at the true surface, and of the reconstruction from it, native and official.
+        Distance of the field at the true surface, and of the reconstruction from it, native and official;
+        then what `calibration_scores` says of the map where it has seen, and of its variability.
     """
-    field = field_scores(neural_map.sdf, scene.storey_mesh)
+    from train.calibration import calibration_scores
+
+    truth, true_distance = scene.storey_mesh, MeshDistance(scene.storey_mesh)
+    field = field_scores(neural_map.sdf, truth)
     surface = neural_map.mesh()
     rng = np.random.default_rng(SAMPLE_SEED)
-    mesh = reconstruction_scores(surface.vertices, surface.faces, scene.storey_mesh, rng)
+    mesh = reconstruction_scores(surface.vertices, surface.faces, truth, rng, true_distance=true_distance)
     return {
         "mad_cm": field.mad_cm,
         "fpr_pct": mesh.fpr_pct,
@@ -77,4 +82,5 @@ def map_scores(neural_map: Any, scene: Scene) -> Row:
         "mad_cm_official": field.mad_official_cm,
         "fpr_pct_official": mesh.fpr_official_pct,
         "fpr_pct_official_floor": mesh.fpr_floor_pct,
+        **calibration_scores(neural_map, truth, true_distance),
     }

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from anm_gym.metrics.intervals import Interval, mean_interval, paired_difference
 from train.results import Row
@@ -42,7 +43,7 @@ MEASURES: Final = (
     Measure("collisions", "collisions", 1, False),
     Measure("cpu_ms.total", "CPU (ms/step)", 1, False),
 )
-"""The columns, in order; `_OFFICIAL` follow where asked for."""
+"""The columns, in order; `OFFICIAL_MEASURES` follow where asked for."""
 
 OFFICIAL_MEASURES: Final = (
     Measure("comp_pct_official", "Comp. official (%)", 1, True),
@@ -51,6 +52,18 @@ OFFICIAL_MEASURES: Final = (
     Measure("fpr_pct_official", "FPR official (%)", 1, False),
 )
 """The same quantities as the released evaluation of Active Neural Mapping computes them."""
+
+CALIBRATION_MEASURES: Final = (
+    Measure("auroc_seen", "AUROC unseen/seen", 3, True),
+    Measure("auroc_false", "AUROC false/true", 3, True),
+    Measure("ause", "AUSE", 3, False),
+    Measure("mad_seen_cm", "MAD seen (cm)", 2, False),
+    Measure("free_err_cm", "free-space error (cm)", 2, False),
+    Measure("sign_err_pct", "wrong sign (%)", 2, False),
+)
+"""Whether the map is right about what it has seen, and knows where it is wrong; a table of its own."""
+
+_ALL_MEASURES: Final = MEASURES + OFFICIAL_MEASURES + CALIBRATION_MEASURES
 
 
 @dataclass(frozen=True)
@@ -180,6 +193,25 @@ def paired_differences(rows: Iterable[Row], reference: str, key: str = "comp_pct
     return {name: paired_difference(own, values[reference]) for name, own in others.items()}
 
 
+def mean_reliability(rows: Iterable[Mapping[str, Any]]) -> NDArray[np.float64]:
+    """Average the reliability of episodes, bin by bin.
+
+    Args:
+        rows: Result rows; those without `reliability`, or with fewer bins than most, are left out.
+
+    Returns:
+        (B, 2) predicted standard deviation and root mean square error, metres; (0, 2) without any.
+    """
+    found = [np.asarray(row["reliability"], np.float64) for row in rows if row.get("reliability")]
+    most = max((len(each) for each in found), default=0)
+    if most == 0:
+        return np.zeros((0, 2))
+    stacked = np.stack([each for each in found if len(each) == most])
+    std_m = np.average(stacked[..., 0], axis=0, weights=stacked[..., 2])
+    mean_square = np.average(stacked[..., 1] ** 2, axis=0, weights=stacked[..., 2])
+    return np.stack([std_m, np.sqrt(mean_square)], axis=1)
+
+
 def columns_of(table: Table, with_official: bool = False) -> tuple[Measure, ...]:
     """Choose the measures that at least one agent has."""
     measures = MEASURES + OFFICIAL_MEASURES if with_official else MEASURES
@@ -256,7 +288,7 @@ def _agent_line(agent: str, preset: str, rows: Sequence[Row]) -> AgentLine:
     settings_hash = _single(good, "settings_hash", agent_name(agent, preset)) if good else ""
     estimates = {
         measure.key: found
-        for measure in MEASURES + OFFICIAL_MEASURES
+        for measure in _ALL_MEASURES
         if (found := estimate([value_of(row, measure.key) for row in good])) is not None
     }
     scene, comp_pct = _worst_scene(good)

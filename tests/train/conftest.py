@@ -1,9 +1,17 @@
-"""A tiny scene on the disk and a cache of its own for the commands."""
+"""A tiny scene on the disk, a cache of its own for the commands, a map that is exactly right."""
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+import torch
 import trimesh
+
+from anm_gym.geometry import CameraSpec, camera_pose
+from anm_gym.map.neural_map import NeuralMap
+from anm_gym.map.settings import MapSettings
+from anm_gym.mesh import TriangleMesh
+from anm_gym.sim.backends import make_depth_camera
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -21,3 +29,35 @@ def room_file(tmp_path_factory, box_room) -> Path:
     path = tmp_path_factory.mktemp("scenes") / "room.ply"
     trimesh.Trimesh(room.vertices, room.faces, process=False).export(path)
     return path
+
+
+class KnownMap(NeuralMap):
+    """A map that has seen half of a room of 4 x 2.5 x 3 m; it predicts the true distance, plus an error."""
+
+    def __init__(self, room, error=lambda points: 0.0):
+        camera = CameraSpec(64, 64)
+        super().__init__(MapSettings(), camera)
+        self.room, self.error = room, error
+        renderer = make_depth_camera(room, camera)
+        for heading_rad in (-0.8, 0.0, 0.8):
+            pose = camera_pose((0.0, 1.25, 0.0), heading_rad)
+            depth_m = renderer.render(pose)
+            self.frames.append(torch.from_numpy(depth_m), torch.from_numpy(pose).float())
+            self._log(depth_m, pose)
+
+    def sdf(self, points):
+        inside = np.array([2.0, 1.25, 1.5]) - np.abs(points - np.array([0.0, 1.25, 0.0]))
+        return (inside.min(axis=1) + self.error(points)).astype(np.float32)
+
+    def variability(self, points):
+        """The squared error."""
+        return np.broadcast_to(np.square(self.error(points)), len(points)).astype(np.float32)
+
+    def mesh(self):
+        return TriangleMesh(self.room.vertices, self.room.faces)
+
+
+@pytest.fixture(scope="session")
+def known_map(box_room):
+    """Give `build(error)`: a map of a room of 4 x 3 m, wrong by `error(points)` metres."""
+    return lambda *error: KnownMap(box_room(4.0, 3.0, 2.5), *error)

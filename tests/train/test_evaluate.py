@@ -135,6 +135,7 @@ def test_command_writes_rows_table_and_a_self_contained_report(tmp_path, room_fi
     rows = read_rows(tmp_path / "run" / ROWS_FILE)
     assert len(rows) == 4
     assert not any(row.get("error") for row in rows)
+    assert all(row["auroc_seen"] is None and row["reliability"] is None for row in rows)
     assert json.loads((tmp_path / "table.json").read_text())["agents"][0]["episodes"] == 2
     assert "fbe:strong" in capsys.readouterr().out
     report = (tmp_path / "run" / "report.html").read_text()

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from train.plots import Curve, completion_figure, mean_band
+from train.plots import Curve, completion_figure, mean_band, reliability_figure, tradeoff_figure
 
 
 def test_curve_is_a_staircase_held_after_its_end():
@@ -49,3 +49,17 @@ def test_any_number_of_agents_gets_colours(tmp_path, num_agents):
     x = np.array([0.0, 1.0])
     curves = {f"agent{i}": [Curve(x, x)] for i in range(num_agents)}
     assert completion_figure(curves, curves, 1, tmp_path / "curves.png").exists()
+
+
+def test_reliability_is_drawn_even_where_nothing_was_predicted(tmp_path):
+    curves = {"anm:best": np.array([[0.01, 0.02], [0.1, 0.2]]), "anm:paper": np.zeros((1, 2))}
+    path = reliability_figure(curves, tmp_path / "sub" / "reliability.png")
+    assert path.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("costs", [[100.0], [100.0, 101.0], [1.0, 10_000.0]])
+def test_trade_offs_are_drawn_whatever_the_costs(tmp_path, costs):
+    points = {f"map{index}": {"ms": cost, "cm": 2.0, "pct": 5.0} for index, cost in enumerate(costs)}
+    measures = [("cm", "error (cm)"), ("pct", "false (%)")]
+    path = tradeoff_figure(points, ("ms", "CPU (ms)"), measures, tmp_path / "trade.png")
+    assert path.read_bytes().startswith(b"\x89PNG")

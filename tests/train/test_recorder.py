@@ -6,7 +6,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from anm_gym.mesh import TriangleMesh
 from train.recorder import EpisodeRecorder, SimulatorClock, env_layers, find_attribute
 from train.runner import run_episode
 from train.scores import map_scores
@@ -118,17 +117,13 @@ def test_attribute_is_found_in_any_layer():
     assert [type(layer).__name__ for layer in env_layers(env)] == ["TimeLimit", "GoalsWrapper", "LineEnv"]
 
 
-def test_perfect_map_has_no_error(box_room):
-    """The map of a room whose field is exact at the walls and whose surface is the room itself."""
-    room = box_room(4.0, 3.0, 2.5)
-
-    def sdf(points):
-        inside = np.array([2.0, 1.25, 1.5]) - np.abs(points - np.array([0.0, 1.25, 0.0]))
-        return inside.min(axis=1)
-
-    surface = TriangleMesh(room.vertices, room.faces)
-    row = map_scores(SimpleNamespace(sdf=sdf, mesh=lambda: surface), SimpleNamespace(storey_mesh=room))
+def test_perfect_map_has_no_error(known_map, monkeypatch):
+    """The map of a room whose field is exact and whose surface is the room itself."""
+    monkeypatch.setattr("train.calibration.NUM_FREE", 600)
+    neural_map = known_map()
+    row = map_scores(neural_map, SimpleNamespace(storey_mesh=neural_map.room))
     assert row["mad_cm"] == pytest.approx(0.0, abs=1e-4)
     assert row["fpr_pct"] == 0.0
     assert row["mad_cm_official"] == pytest.approx(0.0, abs=1e-4)
     assert row["fpr_pct_official"] == pytest.approx(row["fpr_pct_official_floor"], abs=0.2)
+    assert row["free_err_cm"] == pytest.approx(0.0, abs=1e-4)

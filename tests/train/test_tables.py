@@ -3,9 +3,18 @@
 import json
 import math
 
+import numpy as np
 import pytest
 
-from train.tables import estimate, format_estimate, format_table, make_table, table_as_json, with_oracle_share
+from train.tables import (
+    estimate,
+    format_estimate,
+    format_table,
+    make_table,
+    mean_reliability,
+    table_as_json,
+    with_oracle_share,
+)
 
 
 def make_row(agent="fbe", scene="a", seed=0, comp_pct=50.0, **changes):
@@ -52,6 +61,24 @@ def test_best_agent_comes_first():
 def test_measure_that_no_agent_has_is_not_a_column():
     assert "MAD" not in format_table(make_table([make_row(mad_cm=None)]))
     assert "MAD" in format_table(make_table([make_row(mad_cm=1.25)]))
+
+
+def test_calibration_is_estimated_but_no_column_of_the_comparison():
+    table = make_table([make_row(auroc_seen=0.9), make_row(seed=1, auroc_seen=0.7)])
+    assert table.lines[0].estimates["auroc_seen"].mean == pytest.approx(0.8)
+    assert "AUROC" not in format_table(table)
+
+
+def test_reliability_is_averaged_bin_by_bin():
+    rows = [make_row(reliability=[[0.1, 0.3, 10], [0.5, 0.0, 10]])]
+    rows += [make_row(reliability=[[0.4, 0.6, 20], [0.5, 0.3, 10]]), make_row(reliability=[[9.0, 9.0, 1]])]
+    rows += [make_row(), make_row(reliability=None), make_row(reliability=[])]
+    expected = [[0.3, math.sqrt((0.09 + 2 * 0.36) / 3)], [0.5, math.sqrt(0.045)]]
+    np.testing.assert_allclose(mean_reliability(rows), expected)
+
+
+def test_rows_without_reliability_have_no_curve():
+    assert mean_reliability([make_row(), make_row(reliability=None)]).shape == (0, 2)
 
 
 def test_failed_episodes_enter_no_mean_but_are_counted():
