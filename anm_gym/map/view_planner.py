@@ -1,6 +1,7 @@
 """The next best view of variable surface, planned on the map alone (ours).
 
-1. The zero-crossings around the observed space are extracted and scored by neural variability.
+1. The zero-crossings around the observed space and the rim of free space are collected, and scored by
+   neural variability.
 2. The reachable floor is searched, and places near much variable surface are kept.
 3. Each place and heading is ranked by the variable surface in view per step of cost.
 """
@@ -38,6 +39,11 @@ class SurfaceSettings:
     """How far into unknown space they are followed, metres."""
     seen_m: float = 0.15
     """Surface this close to an observed point is taken as seen, metres."""
+    frontier_share: float = 1.0
+    """Worth of a point on the rim of observed free space, where surface may begin, relative to one of
+    predicted surface; 0 looks at predicted surface alone."""
+    frontier_gap_m: float = 0.3
+    """Points of the rim nearer to observed surface are left out, metres."""
     only_unseen: bool = True
     """Drop surface that is taken as seen or floats in observed free space; False trusts variability
     alone."""
@@ -53,26 +59,26 @@ class SurfaceSettings:
 
 @dataclass(frozen=True)
 class VariableSurface:
-    """Points of the predicted surface and what it is worth to look at them."""
+    """Points that are worth a look, and how much."""
 
     points: NDArray[np.float32]
     """(V, 3) float32, metres, world frame."""
     weights: NDArray[np.float32]
-    """(V,) float32 in [0, 1)."""
+    """(V,) float32, not negative."""
 
 
-def variable_surface(neural_map: NeuralMap, settings: SurfaceSettings) -> VariableSurface:
-    """Extract the zero-crossings near the observed space and weigh them by variability.
+def worthwhile_points(neural_map: NeuralMap, settings: SurfaceSettings) -> VariableSurface:
+    """Collect predicted surface that nobody has seen, and the rim of observed free space.
 
     Args:
         neural_map: A map that has seen at least one frame.
-        settings: Lattice, margin and reference.
+        settings: Lattice, margin and what counts as seen.
 
     Returns:
-        The surface; empty if the map predicts none.
+        The points, weighed by kind alone; empty if there are none.
 
     Source:
-        Active Neural Mapping, Sec. 4.2, with weights relative to observed surface (ours).
+        Active Neural Mapping, Sec. 4.2 (zero-crossings); the rim is ours.
     """
     if len(neural_map.cloud) == 0:
         return VariableSurface(np.empty((0, 3), np.float32), np.zeros(0, np.float32))
@@ -81,26 +87,45 @@ def variable_surface(neural_map: NeuralMap, settings: SurfaceSettings) -> Variab
     lattice = Lattice.with_spacing(bounds, settings.lattice_m)
     points = lattice.points
     states = neural_map.volume.state_at(points).reshape(lattice.shape)
+    surface = _predicted_surface(neural_map, lattice, states, settings)
+    rim = np.empty((0, 3), np.float32)
+    if settings.frontier_share > 0.0:
+        is_rim = (states == UNKNOWN) & ndimage.binary_dilation(states == FREE)
+        rim = points[is_rim.ravel()]
+        rim = rim[neural_map.cloud.distance_of(rim) > settings.frontier_gap_m]
+    shares = np.repeat([1.0, settings.frontier_share], [len(surface), len(rim)])
+    return VariableSurface(np.concatenate([surface, rim]), shares.astype(np.float32))
+
+
+def _predicted_surface(
+    neural_map: NeuralMap, lattice: Lattice, states: NDArray[np.uint8], settings: SurfaceSettings
+) -> NDArray[np.float32]:
+    """(V, 3) zero-crossings near the observed space."""
     reach = round(settings.margin_m / settings.lattice_m)
     nearby = ndimage.binary_dilation(states != UNKNOWN, iterations=reach)
     interior = ndimage.binary_erosion(states == FREE)
     values = np.ones(lattice.shape, np.float32)
-    asked = nearby & ~interior
-    values[asked] = neural_map.sdf(points[asked.ravel()])
-    surface = zero_crossings_of(values, lattice, nearby)
-    vertices = surface.vertices
+    # Cells at the rim of `nearby` are looked at too, so their corners beyond it must be asked as well.
+    asked = ndimage.binary_dilation(nearby) & ~interior
+    values[asked] = neural_map.sdf(lattice.points[asked.ravel()])
+    vertices = zero_crossings_of(values, lattice, nearby).vertices
     if settings.only_unseen and len(vertices):
         vertices = vertices[neural_map.volume.state_at(vertices) == UNKNOWN]
         vertices = vertices[neural_map.cloud.distance_of(vertices) > settings.seen_m]
-    if len(vertices) == 0:
-        return VariableSurface(vertices, np.zeros(0, np.float32))
+    return vertices
+
+
+def weigh_by_variability(
+    neural_map: NeuralMap, surface: VariableSurface, settings: SurfaceSettings
+) -> VariableSurface:
+    """Weigh points by their neural variability, relative to that of observed surface (ours)."""
     observed = neural_map.cloud.points
     stride = max(1, len(observed) // settings.reference_points)
-    scores = neural_map.variability(np.concatenate([vertices, observed[::stride]]))
-    reference = float(np.quantile(scores[len(vertices) :], settings.reference_quantile))
-    variability = scores[: len(vertices)]
+    scores = neural_map.variability(np.concatenate([surface.points, observed[::stride]]))
+    reference = float(np.quantile(scores[len(surface.points) :], settings.reference_quantile))
+    variability = scores[: len(surface.points)]
     return VariableSurface(
-        vertices, np.asarray(variability / (variability + max(reference, 1e-12)), np.float32)
+        surface.points, surface.weights * variability / (variability + np.float32(max(reference, 1e-12)))
     )
 
 
@@ -163,11 +188,12 @@ class ViewPlanner:
         camera_y_m = neural_map.occupancy.floor_y_m + neural_map.camera.sensor_height_m
         center = np.insert(position_xz, 1, camera_y_m)
         surface = self._believable(
-            variable_surface(neural_map, self.settings.surface), neural_map, center, heading_rad
+            worthwhile_points(neural_map, self.settings.surface), neural_map, center, heading_rad
         )
-        surface = self._subsample(surface, rng)
         if space is None or len(surface.points) == 0:
             return None
+        surface = self._subsample(surface, rng)
+        surface = weigh_by_variability(neural_map, surface, self.settings.surface)
         positions, distances, own = self._candidates(space, surface, position_xz, current, excluded_xz)
         centers = np.insert(positions, 1, camera_y_m, axis=1)
         visibility = expected_visibility(centers, surface.points, neural_map.volume, self.settings.views)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from anm_gym.actions import FORWARD_STEP_M, TURN_STEP_DEG
 from anm_gym.geometry import CameraSpec, camera_pose
-from anm_gym.map.volume import OCCUPIED, UNKNOWN, ObservedVolume
+from anm_gym.map.volume import ObservedVolume
 
 
 @dataclass(frozen=True)
@@ -72,22 +72,18 @@ def expected_visibility(
         (P, V) float32 in [0, 1]: 0 out of range or behind an observed obstacle, less than 1 through
         unknown space.
     """
-    offsets = points[None] - places[:, None].astype(np.float32)
+    origins = places.astype(np.float32)
+    offsets = points[None] - origins[:, None]
     ranges = np.linalg.norm(offsets, axis=2)
     place, point = np.nonzero((ranges > settings.min_range_m) & (ranges < settings.max_range_m))
-    reach = np.maximum(ranges[place, point] - settings.surface_slack_m, settings.ray_step_m)
+    range_m = ranges[place, point]
+    reach = np.maximum(range_m - settings.surface_slack_m, settings.ray_step_m)
     num_samples = np.ceil(reach / settings.ray_step_m).astype(np.int64)
-    ray = np.repeat(np.arange(len(place)), num_samples)
-    order = np.arange(len(ray)) - np.repeat(np.cumsum(num_samples) - num_samples, num_samples)
-    along = (order * settings.ray_step_m / np.maximum(ranges[place, point], 1e-6)[ray]).astype(np.float32)
-    samples = places[place[ray]].astype(np.float32) + offsets[place[ray], point[ray]] * along[:, None]
-    states = volume.state_at(samples)
-    starts = np.cumsum(num_samples) - num_samples
+    steps = offsets[place, point] * (settings.ray_step_m / np.maximum(range_m, 1e-6))[:, None]
+    unknown = volume.trace(origins[place], steps, num_samples)
     result = np.zeros(ranges.shape, np.float32)
-    if len(starts):
-        blocked = np.add.reduceat(states == OCCUPIED, starts) > 0
-        unknown_m = settings.ray_step_m * np.add.reduceat(states == UNKNOWN, starts)
-        result[place, point] = np.where(blocked, 0.0, np.exp(-unknown_m / settings.unknown_decay_m))
+    hope = np.exp(-settings.ray_step_m * unknown / settings.unknown_decay_m)
+    result[place, point] = np.where(unknown < 0, 0.0, hope)
     return result
 
 

@@ -6,7 +6,15 @@ import pytest
 from anm_gym.geometry import CameraSpec, camera_pose
 from anm_gym.map.neural_map import NeuralMap
 from anm_gym.map.settings import map_settings
-from anm_gym.map.view_planner import PlannerSettings, SurfaceSettings, ViewPlanner, variable_surface
+from anm_gym.map.view_planner import (
+    PlannerSettings,
+    SurfaceSettings,
+    VariableSurface,
+    ViewPlanner,
+    weigh_by_variability,
+    worthwhile_points,
+)
+from anm_gym.map.volume import UNKNOWN
 from anm_gym.mesh import TriangleMesh
 from anm_gym.sim.backends import make_depth_camera
 
@@ -25,16 +33,34 @@ def left_room(two_rooms: TriangleMesh) -> NeuralMap:
     return neural_map
 
 
-def test_variable_surface_lies_in_space_that_was_not_seen(left_room: NeuralMap) -> None:
-    surface = variable_surface(left_room, SurfaceSettings())
+def test_points_worth_a_look_lie_in_space_that_was_not_seen(left_room: NeuralMap) -> None:
+    surface = worthwhile_points(left_room, SurfaceSettings())
     assert len(surface.points) > 20
-    assert ((surface.weights >= 0.0) & (surface.weights < 1.0)).all()
+    assert (left_room.volume.state_at(surface.points) == UNKNOWN).all()
     assert left_room.cloud.distance_of(surface.points).min() > 0.15
 
 
 def test_all_surface_counts_when_variability_alone_is_trusted(left_room: NeuralMap) -> None:
-    everything = variable_surface(left_room, SurfaceSettings(only_unseen=False))
-    assert len(everything.points) > len(variable_surface(left_room, SurfaceSettings()).points)
+    everything = worthwhile_points(left_room, SurfaceSettings(only_unseen=False))
+    assert len(everything.points) > len(worthwhile_points(left_room, SurfaceSettings()).points)
+
+
+def test_rim_of_free_space_is_in_the_door_and_can_be_left_out(left_room: NeuralMap) -> None:
+    with_rim = worthwhile_points(left_room, SurfaceSettings(frontier_share=0.5))
+    without = worthwhile_points(left_room, SurfaceSettings(frontier_share=0.0))
+    rim = with_rim.points[with_rim.weights == 0.5]
+    assert len(with_rim.points) == len(without.points) + len(rim) > len(without.points)
+    assert left_room.cloud.distance_of(rim).min() > 0.3
+    assert (rim[:, 0] > -0.5).any()
+
+
+def test_well_known_surface_weighs_less_than_surface_never_seen(left_room: NeuralMap) -> None:
+    seen = left_room.cloud.points[::40]
+    beyond = seen + np.array([8.0, 0.0, 0.0], np.float32)
+    points = VariableSurface(np.concatenate([seen, beyond]), np.ones(2 * len(seen), np.float32))
+    weights = weigh_by_variability(left_room, points, SurfaceSettings()).weights
+    assert ((weights >= 0.0) & (weights < 1.0)).all()
+    assert np.median(weights[: len(seen)]) < 0.5 < 0.9 < np.median(weights[len(seen) :])
 
 
 def test_next_view_costs_steps_and_shows_something(left_room: NeuralMap, rng: np.random.Generator) -> None:
