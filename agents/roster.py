@@ -8,6 +8,7 @@ import gymnasium
 
 from agents.navigators import make_navigator
 from agents.reactive import BumpAndTurnPolicy, RandomPolicy
+from anm_gym.map.presets import VARIANTS
 
 Env = gymnasium.Env[Any, Any]
 
@@ -34,10 +35,12 @@ class AgentSpec:
     """Its presets, the default one first."""
     build: Callable[[Env, str, int], tuple[Env, Any]]
     """Maps a bare exploration environment, a preset and a seed to the wrapped one and a policy."""
+    variants: tuple[str, ...] = ()
+    """Substitutions that may follow a preset, each behind a "+"."""
 
 
 def parse_agent(text: str) -> tuple[str, str]:
-    """Split ``name``, ``name:preset`` or ``name(preset)``.
+    """Split ``name``, ``name:preset``, ``name:preset+variant`` or ``name(preset)``.
 
     Returns:
         Name and preset; the default preset where none is given.
@@ -50,8 +53,13 @@ def parse_agent(text: str) -> tuple[str, str]:
         raise ValueError(f"unknown agent {name!r}; choose one of: {', '.join(sorted(ROSTER))}")
     presets = ROSTER[name].presets
     preset = preset or presets[0]
-    if preset not in presets:
-        raise ValueError(f"unknown preset {preset!r} of agent {name!r}; choose one of: {', '.join(presets)}")
+    base, *variants = preset.split("+")
+    if base not in presets:
+        raise ValueError(f"unknown preset {base!r} of agent {name!r}; choose one of: {', '.join(presets)}")
+    for variant in variants:
+        if variant not in ROSTER[name].variants:
+            known = ", ".join(ROSTER[name].variants) or "none"
+            raise ValueError(f"unknown variant {variant!r} of agent {name!r}; choose one of: {known}")
     return name, preset
 
 
@@ -106,7 +114,7 @@ ROSTER: Final = {
     "random": AgentSpec(("uniform",), _random),
     "bump_and_turn": AgentSpec(("default",), _bump_and_turn),
     "fbe": AgentSpec(("strong", "paper"), _fbe),
-    "anm": AgentSpec(("best", "fast", "paper", "released"), _anm),
+    "anm": AgentSpec(("best", "fast", "paper", "released"), _anm, tuple(VARIANTS)),
     "oracle_coverage": AgentSpec(("greedy",), _oracle_coverage),
 }
 """All agents, from the floor to the upper bound."""

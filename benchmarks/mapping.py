@@ -16,7 +16,8 @@ from typing import get_args
 import numpy as np
 from tqdm import tqdm
 
-from anm_gym.map.settings import PerturbationFamily, map_settings
+from anm_gym.map.presets import map_settings
+from anm_gym.map.settings import PerturbationFamily
 from benchmarks.learning import learn_once
 from benchmarks.quality import QUICK, Effort, make_truth, score_map
 from benchmarks.recordings import Recording, record

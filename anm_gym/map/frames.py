@@ -109,11 +109,13 @@ class FrameStore:
         if self._count == 0:
             raise MapError("no keyframe to replay; call `integrate` with a first frame")
         size = self.sampling.window_frames
-        if self._count <= size:
+        if self._count <= (2 if self.sampling.replay == "none" else size):
             return torch.arange(self._count, device=self.device)
         newest = torch.arange(self._count - 2, self._count, device=self.device)
+        if self.sampling.replay == "none":
+            return newest
         weights = self._losses[: self._count - 2].clamp(min=1e-6)
-        if not self.sampling.weighted_replay:
+        if self.sampling.replay == "uniform":
             weights = torch.ones_like(weights)
         replayed = torch.multinomial(weights, size - 2, generator=generator)
         return torch.cat([replayed, newest])

@@ -15,7 +15,7 @@ CloudDistance = Callable[[Tensor], Tensor]
 
 CLOUD_FROM_M = 0.15
 """Samples farther in front of their surface ask for the nearest point of the cloud, metres."""
-MIN_COSINE = 0.3
+MIN_COSINE = 0.1
 """Normals at the edges of things may be perpendicular to the ray; the distance then must not vanish."""
 CLOUD_SPACING_M = 0.04
 """By so much the distance to the nearest point of the cloud may exceed that to its surface, metres."""

@@ -55,7 +55,7 @@ class NeuralMap:
     every extraction comes from what was observed.
 
     Args:
-        settings: One of `anm_gym.map.settings.PRESETS`, or your own.
+        settings: One of `anm_gym.map.presets.PRESETS`, or your own.
         camera: The camera of every frame.
         seed: Seeds the weights and every draw.
         device: Where the network lives, such as ``"cpu"`` or ``"cuda"``.
@@ -64,7 +64,7 @@ class NeuralMap:
         Active Neural Mapping, Sec. 4.1.
 
     Example:
-        >>> from anm_gym.map.settings import map_settings
+        >>> from anm_gym.map.presets import map_settings
         >>> neural_map = NeuralMap(map_settings("fast"), CameraSpec(width_px=32, height_px=32))
         >>> update = neural_map.integrate(np.full((32, 32), 2.0, np.float32), np.eye(4))
         >>> neural_map.sdf(np.zeros((1, 3), np.float32)).shape

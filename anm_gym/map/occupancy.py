@@ -323,19 +323,17 @@ class _View:
         """Points every half cell along the columns, in the union of intervals of depth.
 
         Args:
-            start_m: (R, 1) depth at which each row's interval begins, metres.
+            start_m: (R, 1) depth at which each row's interval begins, metres, not rising from row to row.
             end_m: (R, W) depth at which it ends, metres.
         """
-        bins = int(self.settings.max_range_m / self.bin_m) + 2
-        width = end_m.shape[1]
-        flat = np.flatnonzero(end_m > start_m)
-        row, column = np.divmod(flat, width)
-        first = np.rint(start_m[:, 0] / self.bin_m).astype(np.int32)[row]
-        last = np.rint(end_m.ravel()[flat] / self.bin_m).astype(np.int32)
-        opened = np.bincount(column * bins + first, minlength=bins * width)
-        closed = np.bincount(column * bins + last, minlength=bins * width)
-        inside = np.flatnonzero(np.cumsum(opened - closed))
-        column, ahead = np.divmod(inside, bins)
+        bins = np.arange(int(self.settings.max_range_m / self.bin_m) + 2, dtype=np.int16)
+        first = np.rint(start_m[:, 0] / self.bin_m).astype(np.int32)
+        last = np.rint(end_m / self.bin_m).astype(np.int16)
+        # The rows that have begun at a bin are the lowest ones: the farthest end of those rows decides.
+        farthest = np.maximum.accumulate(last[::-1], axis=0)
+        farthest = np.concatenate([np.zeros((1, last.shape[1]), np.int16), farthest])
+        begun = np.searchsorted(first[::-1], bins, side="right")
+        ahead, column = np.nonzero(farthest[begun] > bins[:, None])
         return self._to_world((ahead + np.float32(0.5)).astype(np.float32) * self.bin_m, column)
 
     def _to_world(self, ahead_m: NDArray[np.float32], column: NDArray[np.integer]) -> "_Points":

@@ -1,13 +1,9 @@
-"""Settings of the neural map and its presets: every number with its source.
+"""Settings of the neural map: every number with its source; the defaults are the paper's."""
 
-`paper` follows the text of Active Neural Mapping, `released` the behaviour of its released code,
-`fast` and `best` are ours. The differences are argued in ``docs/paper.md``.
-"""
-
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from hashlib import sha256
 from json import dumps
-from typing import Final, Literal
+from typing import Literal
 
 DistanceTarget = Literal["ray", "normal", "batch", "cloud"]
 KeyframeTest = Literal["render", "surface"]
@@ -15,6 +11,7 @@ PerturbationFamily = Literal["unit_norm", "delta_norm", "delta_weight", "laplace
 VariabilityStatistic = Literal["variance", "mean_absolute"]
 Activation = Literal["softplus", "relu"]
 PointEncoding = Literal["icosahedral", "axes"]
+Replay = Literal["by_loss", "uniform", "none"]
 
 
 @dataclass(frozen=True)
@@ -111,8 +108,8 @@ class SamplingSettings:
     grid knows least (ours)."""
     fill_in_candidates: int = 4
     """Pixels that are drawn for each such pixel."""
-    weighted_replay: bool = True
-    """Draw replayed keyframes in proportion to their last loss; False draws them uniformly."""
+    replay: Replay = "by_loss"
+    """Draw replayed keyframes in proportion to their last loss (iSDF), uniformly, or none at all."""
 
     def __post_init__(self) -> None:
         if self.window_frames < 3:
@@ -164,6 +161,8 @@ class LossSettings:
     def __post_init__(self) -> None:
         if not 0.0 < self.gradient_share <= 1.0:
             raise ValueError(f"`gradient_share` must be in (0, 1], got {self.gradient_share}")
+        if not 0.0 < self.network_share <= 1.0:
+            raise ValueError(f"`network_share` must be in (0, 1], got {self.network_share}")
 
 
 @dataclass(frozen=True)
@@ -254,59 +253,3 @@ class MapSettings:
     def settings_hash(self) -> str:
         """Twelve hexadecimal digits that name the effective settings."""
         return sha256(dumps(asdict(self), sort_keys=True).encode()).hexdigest()[:12]
-
-
-PAPER: Final = MapSettings()
-RELEASED: Final = MapSettings(
-    preset="released",
-    field=FieldSettings(hidden_layers=6),
-    schedule=ScheduleSettings(iterations=5, weight_decay=0.012),
-    variability=VariabilitySettings(family="unit_norm", statistic="mean_absolute"),
-)
-FAST: Final = MapSettings(
-    preset="fast",
-    field=FieldSettings(
-        width=128,
-        grids=(
-            GridSettings(voxel_m=0.2, band_m=100.0, noise_m=0.1, prior_std_m=0.3),
-            GridSettings(voxel_m=0.05, band_m=0.15, noise_m=0.03, prior_std_m=0.06),
-        ),
-    ),
-    sampling=SamplingSettings(
-        window_frames=8,
-        rays_per_frame=60,
-        stratified=4,
-        near_surface=6,
-        near_surface_std_m=0.06,
-        behind_m=0.08,
-        fill_window=True,
-    ),
-    loss=LossSettings(
-        distance_target="cloud", regress_free_space=True, gradient_share=0.25, network_share=0.3
-    ),
-    schedule=ScheduleSettings(
-        first_iterations=60,
-        iterations=1,
-        keyframe_iterations=2,
-        learning_rate=0.0015,
-        output_noise=0.0,
-        keyframe_output_noise=0.0,
-        bfloat16=True,
-    ),
-    keyframes=KeyframeSettings(test="surface", rays=200, relative_error=0.05, max_interval=50),
-    variability=VariabilitySettings(family="laplace", draws=128),
-    reconstruction_std_m=0.04,
-)
-BEST: Final = replace(FAST, preset="best")
-PRESETS: Final = {settings.preset: settings for settings in (PAPER, RELEASED, FAST, BEST)}
-
-
-def map_settings(preset: str) -> MapSettings:
-    """Look up a preset by name.
-
-    Raises:
-        ValueError: If there is no such preset.
-    """
-    if preset not in PRESETS:
-        raise ValueError(f"unknown map preset {preset!r}; choose one of: {', '.join(sorted(PRESETS))}")
-    return PRESETS[preset]

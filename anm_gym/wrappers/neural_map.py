@@ -8,7 +8,8 @@ from gymnasium.utils import RecordConstructorArgs
 
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.map.neural_map import MapUpdate, NeuralMap
-from anm_gym.map.settings import MapSettings, map_settings
+from anm_gym.map.presets import map_settings
+from anm_gym.map.settings import MapSettings
 
 
 @final
@@ -30,7 +31,7 @@ class NeuralMapWrapper(
 
     Args:
         env: An exploration environment.
-        preset: A name in `anm_gym.map.settings.PRESETS`.
+        preset: A preset of `anm_gym.map.presets.map_settings`.
         seed: Seeds the map's weights and draws, together with the seed of `reset`.
         device: Where the map is trained.
         settings: Effective settings instead of a preset.

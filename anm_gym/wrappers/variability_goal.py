@@ -44,7 +44,7 @@ class VariabilityGoalWrapper(GoalWrapper):
     Args:
         env: An environment under a `NeuralMapWrapper`.
         preset: `paper` and `released` go to a cluster of variable zero-crossings, `best` and `fast`
-            plan the next best view.
+            plan the next best view. What follows a "+" concerns the map alone.
         seed: Seeds what is drawn.
         targets: Effective cluster settings instead of the preset's.
         planning: Effective settings of the view planner instead of the preset's.
@@ -75,11 +75,12 @@ class VariabilityGoalWrapper(GoalWrapper):
     ) -> None:
         RecordConstructorArgs.__init__(self, preset=preset, seed=seed, targets=targets, planning=planning)
         choices = [*CLUSTER_PRESETS, *VIEW_PRESETS]
-        if preset not in choices:
+        base = preset.partition("+")[0]
+        if base not in choices:
             raise ValueError(f"unknown goal preset {preset!r}; choose one of: {', '.join(sorted(choices))}")
         if not env.has_wrapper_attr("neural_map"):
             raise ValueError("`env` must have a neural map; wrap it in NeuralMapWrapper first")
-        self.targets = targets or CLUSTER_PRESETS.get(preset)
+        self.targets = targets or CLUSTER_PRESETS.get(base)
         self.planning = planning or PlannerSettings()
         super().__init__(env, limits=CLUSTER_LIMITS if self.targets else VIEW_LIMITS, seed=seed)
 

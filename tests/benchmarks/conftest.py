@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from anm_gym.geometry import CameraSpec, camera_pose
-from anm_gym.map.settings import PAPER, FieldSettings
+from anm_gym.map.presets import PAPER
+from anm_gym.map.settings import FieldSettings
 from anm_gym.sim.backends import make_depth_camera
 from benchmarks.recordings import Recording
 

@@ -8,7 +8,7 @@ from safetensors.torch import load_file, save_file
 from anm_gym.errors import MapError
 from anm_gym.map.checkpoint import load_map, save_map
 from anm_gym.map.neural_map import NeuralMap
-from anm_gym.map.settings import map_settings
+from anm_gym.map.presets import map_settings
 
 
 @pytest.fixture(scope="module")

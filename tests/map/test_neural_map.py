@@ -7,7 +7,8 @@ import pytest
 from anm_gym.errors import MapError
 from anm_gym.geometry import CameraSpec
 from anm_gym.map.neural_map import NeuralMap
-from anm_gym.map.settings import MapSettings, ScheduleSettings, map_settings
+from anm_gym.map.presets import map_settings
+from anm_gym.map.settings import MapSettings, ScheduleSettings
 
 RoomDistance = Callable[[np.ndarray], np.ndarray]
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from anm_gym.map.neural_map import NeuralMap
-from anm_gym.map.settings import map_settings
+from anm_gym.map.presets import map_settings
 from anm_gym.map.targets import (
     PAPER_TARGETS,
     RELEASED_TARGETS,

@@ -5,7 +5,7 @@ import pytest
 
 from anm_gym.geometry import CameraSpec, camera_pose
 from anm_gym.map.neural_map import NeuralMap
-from anm_gym.map.settings import map_settings
+from anm_gym.map.presets import map_settings
 from anm_gym.map.view_planner import (
     PlannerSettings,
     SurfaceSettings,

@@ -5,7 +5,7 @@ import pytest
 
 from anm_gym.geometry import CameraSpec
 from anm_gym.map.neural_map import NeuralMap
-from anm_gym.map.settings import map_settings
+from anm_gym.map.presets import map_settings
 from anm_gym.metrics.distance import MeshDistance
 from train.calibration import calibration_scores, considered_crossings, predicted_std_m, views_of
 
