@@ -230,5 +230,5 @@ class DistanceGrid(nn.Module):
             saved = state_dict.get(prefix + name)
             if saved is not None:
                 setattr(self, name, getattr(self, name).new_zeros(saved.shape))
-        self._touched = self._touched[:0]
         super()._load_from_state_dict(state_dict, prefix, *arguments)
+        self._touched = self.change.nonzero().squeeze(1)

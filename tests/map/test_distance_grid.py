@@ -144,6 +144,13 @@ def test_state_of_another_size_is_taken_over(fitted: DistanceGrid, generator: to
     )
 
 
+def test_change_before_loading_is_forgotten_after_it(fitted: DistanceGrid) -> None:
+    other = DistanceGrid(SETTINGS)
+    other.load_state_dict(fitted.state_dict())
+    other.observe(torch.full((1, 3), 7.0), torch.tensor([0.5]), torch.ones(1), nowhere)
+    assert torch.equal(other.change[other.change != 0.0], torch.tensor([0.5]))
+
+
 def test_lengths_must_be_positive() -> None:
     with pytest.raises(ValueError, match="lengths and limits of a grid must be > 0"):
         GridSettings(voxel_m=0.0, band_m=1.0, noise_m=0.1, prior_std_m=0.1)
