@@ -22,6 +22,7 @@ BLOCK = 1 << _SHIFT
 """Corners along an edge of a block, the unit in which memory is given out."""
 _BLOCK_SIZE = BLOCK**3
 _GROWTH_BLOCKS = 4
+_GROWTH_SHARE = 0.5
 _OUTSIDE = -(1 << 40)
 
 
@@ -59,11 +60,12 @@ class DistanceGrid(nn.Module):
         self.register_buffer("table", torch.zeros((1, 1, 1), dtype=torch.int64))
         self.register_buffer("low_block", torch.zeros(3, dtype=torch.int64))
         self._touched = torch.zeros(0, dtype=torch.int64)
+        self._sums = torch.zeros(0)
 
     @property
     def num_weights(self) -> int:
         """Corners that have memory."""
-        return len(self.values) - _BLOCK_SIZE
+        return (len(self.blocks) - 1) * _BLOCK_SIZE
 
     def corners(self, points: Tensor) -> Corners:
         """Find the corners around (N, 3) points, metres, world frame."""
@@ -146,8 +148,11 @@ class DistanceGrid(nn.Module):
 
     def _sums_at(self, index: Tensor, addends: Tensor) -> Tensor:
         """For each entry, the sum of the addends of all entries with the same index."""
-        sums = torch.zeros_like(self.values).index_add_(0, index, addends)
-        return sums[index]
+        if len(self._sums) != len(self.values):
+            self._sums = torch.zeros_like(self.values)
+        result = self._sums.index_add_(0, index, addends)[index]
+        self._sums[index] = 0.0  # all zeros again, without a pass over all memory
+        return result
 
     def _start_from(self, prior: Prior, index: Tensor) -> None:
         fresh = index[self.evidence[index] == 0.0].unique()
@@ -202,9 +207,12 @@ class DistanceGrid(nn.Module):
         self.table.view(-1)[entries] = torch.arange(first, first + count, device=entries.device)
         coordinates = torch.stack(torch.unravel_index(entries, self.table.shape), dim=1)
         self.blocks = torch.cat([self.blocks, coordinates + self.low_block])
-        for name in ("values", "evidence", "change"):
-            memory = getattr(self, name)
-            setattr(self, name, torch.cat([memory, memory.new_zeros(count * _BLOCK_SIZE)]))
+        missing = len(self.blocks) * _BLOCK_SIZE - len(self.values)
+        if missing > 0:
+            more = max(missing, int(_GROWTH_SHARE * len(self.values)))
+            for name in ("values", "evidence", "change"):
+                memory = getattr(self, name)
+                setattr(self, name, torch.cat([memory, memory.new_zeros(more)]))
 
     def _cover(self, low: Tensor, high: Tensor) -> None:
         """Grow the table until it holds every block from `low` to `high`."""
