@@ -85,14 +85,12 @@ def worthwhile_points(neural_map: NeuralMap, settings: SurfaceSettings) -> Varia
     margin = np.full(3, settings.margin_m) * [1.0, 0.0, 1.0] + [0.0, settings.lattice_m, 0.0]
     bounds = neural_map.cloud.bounds(0.001) + np.stack([-margin, margin])
     lattice = Lattice.with_spacing(bounds, settings.lattice_m)
-    points = lattice.points
-    states = neural_map.volume.state_at(points).reshape(lattice.shape)
+    states = neural_map.volume.state_on_grid(_axes(lattice))
     surface = _predicted_surface(neural_map, lattice, states, settings)
     rim = np.empty((0, 3), np.float32)
     if settings.frontier_share > 0.0:
-        is_rim = (states == UNKNOWN) & ndimage.binary_dilation(states == FREE)
-        rim = points[is_rim.ravel()]
-        rim = rim[neural_map.cloud.distance_of(rim) > settings.frontier_gap_m]
+        rim = _points_of(lattice, (states == UNKNOWN) & ndimage.binary_dilation(states == FREE))
+        rim = rim[~neural_map.cloud.is_near(rim, settings.frontier_gap_m)]
     shares = np.repeat([1.0, settings.frontier_share], [len(surface), len(rim)])
     return VariableSurface(np.concatenate([surface, rim]), shares.astype(np.float32))
 
@@ -107,12 +105,26 @@ def _predicted_surface(
     values = np.ones(lattice.shape, np.float32)
     # Cells at the rim of `nearby` are looked at too, so their corners beyond it must be asked as well.
     asked = ndimage.binary_dilation(nearby) & ~interior
-    values[asked] = neural_map.sdf(lattice.points[asked.ravel()])
+    values[asked] = neural_map.sdf(_points_of(lattice, asked))
     vertices = zero_crossings_of(values, lattice, nearby).vertices
     if settings.only_unseen and len(vertices):
         vertices = vertices[neural_map.volume.state_at(vertices) == UNKNOWN]
-        vertices = vertices[neural_map.cloud.distance_of(vertices) > settings.seen_m]
+        vertices = vertices[~neural_map.cloud.is_near(vertices, settings.seen_m)]
     return vertices
+
+
+def _axes(lattice: Lattice) -> list[NDArray[np.float32]]:
+    """Coordinates of the lattice's points along each axis, metres."""
+    return [
+        (low + spacing_m * np.arange(count)).astype(np.float32)
+        for low, spacing_m, count in zip(lattice.low, lattice.spacing_m, lattice.shape, strict=True)
+    ]
+
+
+def _points_of(lattice: Lattice, mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Those points of a lattice, (N, 3), that are in a mask (X, Y, Z)."""
+    indices = np.nonzero(mask)
+    return np.stack([axis[index] for axis, index in zip(_axes(lattice), indices, strict=True)], axis=1)
 
 
 def weigh_by_variability(
@@ -214,19 +226,14 @@ class ViewPlanner:
     ) -> VariableSurface:
         """Drop surface that this or an earlier image should have shown but did not."""
         settings = self.settings.surface
-        if len(surface.points) == 0:
-            return surface
-        visibility = expected_visibility(
-            center[None], surface.points, neural_map.volume, self.settings.views
-        )[0]
-        missed = (visibility > settings.doubt_visibility) & in_image(
-            center, heading_rad, surface.points, neural_map.camera
-        )
+        shown = surface.points[in_image(center, heading_rad, surface.points, neural_map.camera)]
+        visibility = expected_visibility(center[None], shown, neural_map.volume, self.settings.views)[0]
+        missed = visibility > settings.doubt_visibility
         if missed.any():
-            self._doubted.add(surface.points[missed])
+            self._doubted.add(shown[missed])
         if len(self._doubted) == 0:
             return surface
-        keep = self._doubted.distance_of(surface.points) > settings.doubt_m
+        keep = ~self._doubted.is_near(surface.points, settings.doubt_m)
         return VariableSurface(surface.points[keep], surface.weights[keep])
 
     def _subsample(self, surface: VariableSurface, rng: np.random.Generator) -> VariableSurface:

@@ -72,19 +72,20 @@ def expected_visibility(
         (P, V) float32 in [0, 1]: 0 out of range or behind an observed obstacle, less than 1 through
         unknown space.
     """
-    origins = places.astype(np.float32)
-    offsets = points[None] - origins[:, None]
-    ranges = np.linalg.norm(offsets, axis=2)
-    place, point = np.nonzero((ranges > settings.min_range_m) & (ranges < settings.max_range_m))
-    range_m = ranges[place, point]
-    reach = np.maximum(range_m - settings.surface_slack_m, settings.ray_step_m)
-    num_samples = np.ceil(reach / settings.ray_step_m).astype(np.int64)
-    steps = offsets[place, point] * (settings.ray_step_m / np.maximum(range_m, 1e-6))[:, None]
-    unknown = volume.trace(origins[place], steps, num_samples)
+    origins = places.T.astype(np.float32)
+    offsets = points.T[:, None] - origins[:, :, None]
+    ranges = np.sqrt((offsets**2).sum(axis=0)).reshape(-1)
+    reach = np.maximum(ranges - settings.surface_slack_m, settings.ray_step_m)
+    num_samples = np.ceil(reach / settings.ray_step_m).astype(np.int16)
+    ray = np.flatnonzero((ranges > settings.min_range_m) & (ranges < settings.max_range_m))
+    ray = ray[np.argsort(-num_samples[ray], kind="stable")]
+    steps = offsets.reshape(3, -1).take(ray, axis=1) * (settings.ray_step_m / ranges[ray])
+    unknown = volume.trace(origins.take(ray // max(1, len(points)), axis=1), steps, num_samples[ray])
     result = np.zeros(ranges.shape, np.float32)
-    hope = np.exp(-settings.ray_step_m * unknown / settings.unknown_decay_m)
-    result[place, point] = np.where(unknown < 0, 0.0, hope)
-    return result
+    result[ray] = np.where(
+        unknown < 0, 0.0, np.exp(-settings.ray_step_m * unknown / settings.unknown_decay_m)
+    )
+    return result.reshape(len(places), len(points))
 
 
 def in_image(

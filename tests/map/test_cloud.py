@@ -1,6 +1,8 @@
 import numpy as np
+import pytest
 import torch
 
+from anm_gym.map import cloud as cloud_module
 from anm_gym.map.cloud import SurfaceCloud
 
 
@@ -37,3 +39,45 @@ def test_bounds_and_restoring() -> None:
     assert np.array_equal(other.points, cloud.points)
     other.restore(np.empty((0, 3), np.float32))
     assert len(other) == 0
+
+
+def test_points_are_near_within_the_radius(rng: np.random.Generator) -> None:
+    cloud = SurfaceCloud()
+    cloud.add(rng.random((300, 3)).astype(np.float32))
+    queries = rng.uniform(-0.5, 1.5, (400, 3)).astype(np.float32)
+    assert np.array_equal(cloud.is_near(queries, 0.2), cloud.distance_of(queries) <= 0.2)
+    assert cloud.is_near(np.array([[0.0, 0.0, 5.0]]), 0.2).tolist() == [False]
+
+
+def test_voxels_stay_known_when_there_are_more_than_are_remembered(
+    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cloud_module, "RECENT_BITS", 4)
+    cloud, points = SurfaceCloud(voxel_m=0.1), rng.random((5000, 3)).astype(np.float32)
+    kept = sum(cloud.add(part) for part in np.array_split(points, 10))
+    assert kept == len(cloud) == len(np.unique(np.floor(points / 0.1).astype(int), axis=0))
+    assert cloud.add(points) == 0
+
+
+def test_distances_from_all_pairs_are_those_of_the_tree(
+    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cloud_module, "PAIRS_AT_ONCE", 1000)
+    cloud = SurfaceCloud()
+    for _ in range(3):
+        cloud.add(rng.random((50, 3)).astype(np.float32))
+        sent = cloud._points_on(torch.device("cpu"))
+        assert np.array_equal(sent.numpy(), cloud.points)
+        queries = torch.from_numpy(rng.random((40, 3)).astype(np.float32))
+        nearest = cloud_module._nearest_distance(queries, sent)
+        assert torch.allclose(nearest, torch.from_numpy(cloud.distance_of(queries.numpy())), atol=1e-6)
+    assert torch.isinf(cloud_module._nearest_distance(queries, sent[:0])).all()
+    assert len(cloud_module._nearest_distance(queries[:0], sent)) == 0
+
+
+@pytest.mark.gpu
+def test_distances_on_the_gpu_are_those_on_the_cpu(rng: np.random.Generator) -> None:
+    cloud = SurfaceCloud()
+    cloud.add(rng.random((500, 3)).astype(np.float32))
+    queries = torch.from_numpy(rng.random((40, 3)).astype(np.float32))
+    assert torch.allclose(cloud.distance(queries.cuda()).cpu(), cloud.distance(queries), atol=1e-5)

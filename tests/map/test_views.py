@@ -10,7 +10,7 @@ from anm_gym.map.views import (
     rank_views,
     view_costs,
 )
-from anm_gym.map.volume import ObservedVolume
+from anm_gym.map.volume import OCCUPIED, UNKNOWN, ObservedVolume
 
 SETTINGS = ViewSettings()
 CAMERA = CameraSpec()
@@ -37,6 +37,25 @@ def test_hope_fades_through_unknown_space(volume: ObservedVolume) -> None:
     near, far, out_of_range = expected_visibility(place, points, volume, SETTINGS)[0]
     assert 0.0 < far < near < 1.0
     assert out_of_range == 0.0
+
+
+def test_visibility_is_that_of_samples_along_the_ray(
+    volume: ObservedVolume, rng: np.random.Generator
+) -> None:
+    places = rng.uniform([-1.5, 1.2, -1.0], [1.5, 1.3, 1.0], (6, 3))
+    points = rng.uniform([-4.0, 0.0, -4.0], [4.0, 3.0, 4.0], (60, 3)).astype(np.float32)
+    visibility = expected_visibility(places, points, volume, SETTINGS)
+    for place, row in zip(places, visibility, strict=True):
+        for point, value in zip(points, row, strict=True):
+            range_m = np.linalg.norm(point - place)
+            along = np.arange(
+                0.0, max(range_m - SETTINGS.surface_slack_m, SETTINGS.ray_step_m), SETTINGS.ray_step_m
+            )
+            states = volume.state_at(place + along[:, None] * (point - place) / range_m)
+            hope = np.exp(-SETTINGS.ray_step_m * (states == UNKNOWN).sum() / SETTINGS.unknown_decay_m)
+            in_range = SETTINGS.min_range_m < range_m < SETTINGS.max_range_m
+            assert value == pytest.approx(hope * (in_range and not (states == OCCUPIED).any()), abs=1e-6)
+    assert (visibility > 0.0).any()
 
 
 def test_gain_of_a_heading_is_the_weight_inside_the_image() -> None:
@@ -77,3 +96,14 @@ def test_image_holds_what_lies_within_half_the_field_of_view() -> None:
     points = (center + 2.0 * directions).astype(np.float32)
     assert in_image(center, 0.0, points, CAMERA).tolist() == [True, False, True, False, False]
     assert in_image(center, np.pi, points, CAMERA).tolist() == [False, False, False, False, True]
+
+
+def test_nothing_is_seen_where_there_is_nothing(volume: ObservedVolume) -> None:
+    assert expected_visibility(np.zeros((3, 3)), np.zeros((0, 3), np.float32), volume, SETTINGS).shape == (
+        3,
+        0,
+    )
+    assert expected_visibility(np.zeros((0, 3)), np.zeros((4, 3), np.float32), volume, SETTINGS).shape == (
+        0,
+        4,
+    )

@@ -1,20 +1,27 @@
 import numpy as np
+import pytest
 
 from anm_gym.map.volume import FREE, OCCUPIED, UNKNOWN, ObservedVolume
 
 
-def test_room_is_free_inside_occupied_on_its_walls_and_unknown_outside(tour) -> None:
+@pytest.fixture
+def room(tour) -> ObservedVolume:
+    """The whole tour of the room, logged."""
     volume = ObservedVolume(tour.camera)
     for depth, pose in zip(tour.depths, tour.poses, strict=True):
         volume.integrate(depth, pose)
+    return volume
+
+
+def test_room_is_free_inside_occupied_on_its_walls_and_unknown_outside(room: ObservedVolume) -> None:
     inside = np.array([[0.0, 1.3, 0.0], [1.0, 1.0, 0.5], [-1.0, 1.5, -0.8]])
     walls = np.array([[2.0, 1.25, 0.0], [-2.0, 1.25, 0.2], [0.0, 1.25, 1.5], [-1.45, 0.0, 0.15]])
     across = np.array([[0.02, 0.0, 0.0], [0.02, 0.0, 0.0], [0.0, 0.0, 0.02], [0.0, 0.02, 0.0]])
     outside = np.array([[2.5, 1.2, 0.0], [0.0, 1.2, -2.0], [100.0, 0.0, 0.0]])
-    assert (volume.state_at(inside) == FREE).all()
-    either_side = volume.state_at(np.stack([walls - across, walls + across]))
+    assert (room.state_at(inside) == FREE).all()
+    either_side = room.state_at(np.stack([walls - across, walls + across]))
     assert (either_side == OCCUPIED).any(axis=0).all()
-    assert (volume.state_at(outside) == UNKNOWN).all()
+    assert (room.state_at(outside) == UNKNOWN).all()
 
 
 def test_hits_are_never_erased(tour) -> None:
@@ -38,3 +45,39 @@ def test_depth_beyond_the_range_frees_but_does_not_hit(tour) -> None:
     volume.integrate(np.full((64, 64), 9.0, np.float32), tour.poses[0])
     assert (volume.states == FREE).any()
     assert not (volume.states == OCCUPIED).any()
+
+
+def test_a_grid_of_points_has_the_states_of_its_points(room: ObservedVolume) -> None:
+    axes = [np.linspace(-9.0, 9.0, count).astype(np.float32) for count in (31, 27, 24)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    assert np.array_equal(room.state_on_grid(axes), room.state_at(points))
+    assert (ObservedVolume(room.camera).state_on_grid(axes) == UNKNOWN).all()
+
+
+def test_window_is_unknown_outside_the_log(room: ObservedVolume) -> None:
+    low, high = room.low_index - 3, room.low_index + room.states.shape + 5
+    window = room.window(low, high)
+    assert np.array_equal(window[3:-5, 3:-5, 3:-5], room.states)
+    assert (window > UNKNOWN).sum() == (room.states > UNKNOWN).sum()
+    assert (room.window(high, high + 2) == UNKNOWN).all()
+
+
+def test_rays_count_unknown_samples_and_end_at_obstacles(
+    room: ObservedVolume, rng: np.random.Generator
+) -> None:
+    origins = rng.uniform([-1.8, 0.2, -1.3], [1.8, 2.3, 1.3], (500, 3)).T.astype(np.float32)
+    steps = rng.normal(scale=0.06, size=(3, 500)).astype(np.float32)
+    num_samples = np.sort(rng.integers(1, 40, 500))[::-1]
+    unknown = room.trace(origins, steps, num_samples)
+    for ray, count in enumerate(num_samples):
+        samples = origins[:, ray] + np.arange(count)[:, None].astype(np.float32) * steps[:, ray]
+        states = room.state_at(samples)
+        assert unknown[ray] == (-1 if (states == OCCUPIED).any() else (states == UNKNOWN).sum())
+    assert (unknown == 0).any()
+    assert (unknown == -1).any()
+
+
+def test_rays_far_from_the_log_meet_nothing(room: ObservedVolume) -> None:
+    origins, steps = np.full((3, 2), 70.0, np.float32), np.full((3, 2), 0.1, np.float32)
+    assert room.trace(origins, steps, np.array([30, 1])).tolist() == [30, 1]
+    assert len(room.trace(origins[:, :0], steps[:, :0], np.zeros(0, int))) == 0
