@@ -62,7 +62,7 @@ def load_map(path: str | Path, *, device: str = "cpu") -> NeuralMap:
         device: Where the network will live.
 
     Returns:
-        A map that predicts the same and can go on learning, bit for bit on the same kind of device.
+        A map that predicts the same and can go on learning, bit for bit on the CPU.
         Its top-down occupancy is not stored; it starts anew with the next frame.
 
     Raises:
@@ -86,6 +86,6 @@ def load_map(path: str | Path, *, device: str = "cpu") -> NeuralMap:
 
 
 def _settings(plain: dict[str, Any]) -> MapSettings:
-    plain["field"]["grids"] = tuple(GridSettings(**grid) for grid in plain["field"].get("grids", ()))
+    plain["field"]["grids"] = tuple(GridSettings(**grid) for grid in plain["field"]["grids"])
     stages = {name: stage(**plain.pop(name)) for name, stage in _STAGES.items()}
     return MapSettings(**plain, **stages)

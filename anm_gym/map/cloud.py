@@ -88,7 +88,8 @@ class SurfaceCloud:
         """Replace the cloud by saved (N, 3) points."""
         self._forget()
         if len(points):
-            self.add(points)
+            self._points, self._keys = [points], np.sort(_keys_of(points, self.voxel_m))
+            self._count = len(points)
 
     def bounds(self, quantile: float = 0.0) -> NDArray[np.float64]:
         """(2, 3) corners of the cloud, metres; a quantile leaves out stray points on each side."""

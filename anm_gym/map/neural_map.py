@@ -30,6 +30,8 @@ from anm_gym.stopwatch import Stopwatch
 
 CLOUD_STRIDE_PX = 2
 CHUNK_POINTS = 16384
+POSTERIOR_SEED = 0
+"""Seeds the draws of `NeuralMap.posterior_std`."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +129,7 @@ class NeuralMap:
             is_keyframe = self._admit(depth_m, world_from_camera)
             self._log(depth_m, world_from_camera)
         with self.stopwatch("learn"), flushed_subnormals():
-            before, done, terms = self._weights(), 0, None
+            before, done, terms = self._begin_update(), 0, None
             for _ in range(self._iterations(is_keyframe)):
                 window = self.frames.window(self._generator)
                 rays = self._draw_rays(window)
@@ -164,12 +166,16 @@ class NeuralMap:
         Source:
             Active Neural Mapping, Sec. 4.2, Eq. 4.
         """
-        return self._variability(points, self.settings.variability)
+        return self._variability(points, self.settings.variability, self._generator)
 
     def posterior_std(self, points: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Standard deviation of predictions at (N, 3) points by the Laplace family, (N,) float32 metres."""
-        settings = replace(self.settings.variability, family="laplace", statistic="variance")
-        return np.sqrt(self._variability(points, settings))
+        """Standard deviation of predictions at (N, 3) points by the Laplace family, (N,) float32 metres.
+
+        Its draws are its own, so that asking changes nothing that the map learns later.
+        """
+        settings = replace(self.settings.variability, family="laplace", draws=128, statistic="variance")
+        generator = torch.Generator(self.device).manual_seed(POSTERIOR_SEED)
+        return np.sqrt(self._variability(points, settings, generator))
 
     def zero_crossings(self, voxel_m: float, margin_m: float = 0.2) -> ZeroCrossings:
         """Extract the predicted surface over the observed extent, with cubic cells of `voxel_m`."""
@@ -229,10 +235,10 @@ class NeuralMap:
         self.num_frames, self.num_keyframes, self._frames_since_keyframe = state["counts"].tolist()
 
     def _variability(
-        self, points: NDArray[np.floating], settings: VariabilitySettings
+        self, points: NDArray[np.floating], settings: VariabilitySettings, generator: torch.Generator
     ) -> NDArray[np.float32]:
-        evidence = self._evidence(settings.evidence_points)
-        draws = perturbations(self.field, settings, self._weight_change, evidence, self._generator)
+        evidence = self._evidence(settings.evidence_points, generator)
+        draws = perturbations(self.field, settings, self._weight_change, evidence, generator)
         return _array(variability(self.field, self._tensor(points), draws, settings, self._weight_change))
 
     def _moments(self) -> dict[str, Tensor]:
@@ -342,11 +348,17 @@ class NeuralMap:
         return torch.autocast(self.device.type, torch.bfloat16, enabled=self._autocast)
 
     @torch.no_grad()
-    def _evidence(self, count: int) -> Tensor:
+    def _evidence(self, count: int, generator: torch.Generator) -> Tensor:
         """Draw observed surface points from all stored frames, (E, 3)."""
         everything = torch.arange(len(self.frames), device=self.device)
         per_frame = -(-count // max(1, len(self.frames)))
-        return self.frames.sample_pixels(everything, per_frame, self._generator).surface[:count]
+        return self.frames.sample_pixels(everything, per_frame, generator).surface[:count]
+
+    def _begin_update(self) -> Tensor:
+        """Return the network's weights, and let the grids count their changes from here."""
+        for grid in self.field.grids():
+            grid.begin_update()
+        return self._weights()
 
     def _weights(self) -> Tensor:
         return torch.nn.utils.parameters_to_vector(self.field.network.parameters()).detach()

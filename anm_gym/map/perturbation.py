@@ -24,6 +24,8 @@ from anm_gym.map.fields import CornerVariance, Field, NetworkField
 from anm_gym.map.settings import VariabilitySettings
 
 CHUNK_POINTS = 8192
+GAUSSIAN_MEAN_ABSOLUTE = math.sqrt(2.0 / math.pi)
+"""Mean absolute value of a Gaussian of unit variance; joins the means of a network and its grids."""
 
 
 def perturbations(
@@ -91,13 +93,13 @@ def variability(
 
     def of_network(chunk: Tensor) -> Tensor:
         spread = _spread(field.network, chunk, draws, settings)
-        return spread if is_variance else spread**2
+        return spread if is_variance else (spread / GAUSSIAN_MEAN_ABSOLUTE) ** 2
 
     with torch.no_grad():
         variance = torch.cat(
             [field.propagate(chunk, of_network, of_corners) for chunk in points.split(CHUNK_POINTS)]
         )
-    return variance if is_variance else variance.sqrt()
+    return variance if is_variance else GAUSSIAN_MEAN_ABSOLUTE * variance.sqrt()
 
 
 def _isotropic_std(field: Field, settings: VariabilitySettings, weight_change: Tensor) -> Tensor:

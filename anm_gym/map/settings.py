@@ -34,6 +34,8 @@ class GridSettings:
     def __post_init__(self) -> None:
         if min(self.voxel_m, self.band_m, self.noise_m, self.prior_std_m, self.max_evidence) <= 0.0:
             raise ValueError(f"lengths and limits of a grid must be > 0, got {self}")
+        if self.behind_weight < 0.0:
+            raise ValueError(f"`behind_weight` must be >= 0, got {self.behind_weight}")
 
 
 @dataclass(frozen=True)
@@ -226,7 +228,8 @@ class VariabilitySettings:
     statistic: VariabilityStatistic = "variance"
     """Variance of the predictions (paper) or mean absolute change (released code)."""
     prior_precision: float = 1.0
-    """Precision of the last layer's Gaussian prior (Laplace family)."""
+    """Precision of the last layer's Gaussian prior: a weight's prior standard deviation is `noise_m` over
+    its root, in metres of output (Laplace family)."""
     noise_m: float = 0.05
     """Standard deviation of an observation about the network's prediction, metres (Laplace family)."""
     evidence_points: int = 4096

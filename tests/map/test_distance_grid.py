@@ -120,13 +120,24 @@ def test_perturbed_variance_is_that_of_independent_corners(
     assert torch.allclose(fitted.perturbed_variance(corners, torch.tensor(0.1)), sampled, rtol=0.1)
 
 
-def test_change_is_that_of_the_last_step_alone(generator: torch.Generator) -> None:
+def test_change_adds_up_all_steps_since_the_update_began() -> None:
     grid = DistanceGrid(SETTINGS)
     here, there = torch.zeros((1, 3)), torch.ones((1, 3))
     grid.observe(here, torch.tensor([0.3]), torch.ones(1), nowhere)
-    assert torch.allclose(grid.change.abs().max(), torch.tensor(0.3))
+    grid.begin_update()
+    assert not grid.change.any()
+    grid.observe(here, torch.tensor([0.5]), torch.ones(1), nowhere)
+    grid.observe(here, torch.tensor([0.7]), torch.ones(1), nowhere)
     grid.observe(there, torch.tensor([0.1]), torch.ones(1), nowhere)
-    assert torch.allclose(grid.change.abs().max(), torch.tensor(0.1))
+    changes = grid.change[grid.change != 0.0]
+    assert torch.allclose(changes.sort().values, torch.tensor([0.1, 0.2]))
+
+
+def test_corners_seen_from_one_side_alone_are_taken_as_known() -> None:
+    grid, center = DistanceGrid(SETTINGS), torch.full((20, 3), 0.05)
+    grid.observe(center, torch.full((20,), 0.2), torch.ones(20), nowhere)
+    corner = grid.corners(torch.zeros((1, 3)))
+    assert torch.allclose(grid.variance(corner), torch.tensor(0.03**2 / (20 / 8 + 0.01)))
 
 
 def test_no_observations_change_nothing() -> None:
@@ -147,6 +158,7 @@ def test_state_of_another_size_is_taken_over(fitted: DistanceGrid, generator: to
 def test_change_before_loading_is_forgotten_after_it(fitted: DistanceGrid) -> None:
     other = DistanceGrid(SETTINGS)
     other.load_state_dict(fitted.state_dict())
+    other.begin_update()
     other.observe(torch.full((1, 3), 7.0), torch.tensor([0.5]), torch.ones(1), nowhere)
     assert torch.equal(other.change[other.change != 0.0], torch.tensor([0.5]))
 
