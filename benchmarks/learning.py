@@ -37,7 +37,8 @@ class LearningCost:
     wall_ms_step: float
     """Milliseconds on the clock, both together."""
     flops_step: float
-    """Floating point operations of the learning."""
+    """Floating point operations of matrix products, keyframe test included; what grids gather and scatter is
+    not counted. Not a number for a recording too short to be counted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +94,8 @@ class _CostMeter:
 
     def cost(self) -> LearningCost:
         """Work out the cost of the images so far."""
-        flops_iteration = self._flops / max(self._counted_iterations, 1)
+        counted = self._counted_iterations
+        flops_iteration = self._flops / counted if counted else float("nan")
         return LearningCost(
             steps=self._steps,
             iterations=self._iterations,

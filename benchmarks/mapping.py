@@ -3,7 +3,8 @@
     python -m benchmarks.mapping [--presets LIST] [--scenes LIST] [--steps N] [--families LIST] [--quick]
 
 Every preset learns the same posed depth images. A map is kept as soon as it is learned, so an interrupted
-run goes on where it was; its times are those of when it was learned.
+run goes on where it was; its times are those of when it was learned. Take another `--out` after changing how
+maps learn.
 """
 
 import argparse
@@ -181,12 +182,15 @@ def _arguments() -> argparse.Namespace:
 
 
 def _check(presets: Sequence[str], families: Sequence[str]) -> None:
-    for preset in presets:
-        map_settings(preset)
     known = get_args(PerturbationFamily)
     unknown = [family for family in families if family not in known]
     if unknown:
         raise ValueError(f"unknown families {', '.join(unknown)}; choose some of: {', '.join(known)}")
+    for preset in presets:
+        if map_settings(preset).field.dropout == 0.0 and set(families) <= {"dropout"}:
+            raise ValueError(
+                f"`families` must name one beside 'dropout' for preset {preset!r}, which drops none"
+            )
 
 
 def main() -> None:
@@ -195,6 +199,7 @@ def main() -> None:
     _check(arguments.presets, arguments.families)
     prepare_worker()
     effort, rows = QUICK if arguments.quick else Effort(), []
+    (arguments.out / "rows.jsonl").unlink(missing_ok=True)
     total = len(arguments.scenes) * len(arguments.presets)
     with tqdm(total=total, unit="map", dynamic_ncols=True) as bar:
         for scene in arguments.scenes:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from anm_gym.map.cloud import SurfaceCloud
 from anm_gym.map.neural_map import NeuralMap
+from anm_gym.map.presets import DRAWS, USUAL_DRAWS
 from anm_gym.mesh import TriangleMesh
 from anm_gym.metrics.depth_view import depth_view
 from anm_gym.metrics.distance import MeshDistance
@@ -40,8 +41,6 @@ TIMED_POINTS = 1000
 SEED = 0
 """Seed of every draw of the measures."""
 
-_DRAWS = {"laplace": 128}
-_USUAL_DRAWS = 20
 _TIMED_CALLS = 3
 
 
@@ -124,14 +123,15 @@ def score_map(learned: Learned, truth: Truth, families: Sequence[str], effort: E
 def _costs(learned: Learned) -> Row:
     neural_map, cost = learned.neural_map, learned.cost
     sampling = neural_map.settings.sampling
-    points = sampling.window_frames * sampling.rays_per_frame * sampling.samples_per_ray
+    window = sampling.window_frames * sampling.rays_per_frame * sampling.samples_per_ray
+    filled_in = sampling.fill_in_rays * sampling.near_surface if neural_map.field.grids() else 0
     return {
         "preset": neural_map.settings.preset,
-        "field": getattr(neural_map.field, "name", type(neural_map.field).__name__),
+        "field": neural_map.field.name,
         "settings_hash": neural_map.settings.settings_hash,
         "steps": cost.steps,
         "iterations": cost.iterations,
-        "points_step": points * cost.iterations / cost.steps,
+        "points_step": window * cost.iterations / cost.steps + filled_in,
         "cpu_ms_step": cost.cpu_ms_step,
         "observe_ms_step": cost.observe_ms_step,
         "wall_ms_step": cost.wall_ms_step,
@@ -165,7 +165,7 @@ def _ranking(neural_map: NeuralMap, crossings: Crossings, family: str) -> Row | 
     settings = neural_map.settings
     own = settings.variability
     if family != own.family:
-        draws: dict[str, Any] = {"family": family, "draws": _DRAWS.get(family, _USUAL_DRAWS)}
+        draws: dict[str, Any] = {"family": family, "draws": DRAWS.get(family, USUAL_DRAWS)}
         neural_map.settings = replace(settings, variability=replace(own, **draws))
     try:
         scores = neural_map.variability(crossings.vertices)

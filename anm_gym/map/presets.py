@@ -22,7 +22,9 @@ from anm_gym.map.settings import (
 )
 
 DRAWS: Final = {"laplace": 128, "dropout": 5}
-"""Draws of a family that replaces a preset's own; 20 for those that move all weights."""
+"""Draws of a family that replaces a preset's own, where they differ from `USUAL_DRAWS`."""
+USUAL_DRAWS: Final = 20
+"""Draws of the families that move all weights (released code)."""
 DROPOUT: Final = 0.05
 """Share of dropped units in the paper's ablation (Sec. 5.4, Module 1)."""
 
@@ -80,7 +82,7 @@ Variant = Callable[[MapSettings], MapSettings]
 
 
 def _with_family(settings: MapSettings, family: PerturbationFamily) -> MapSettings:
-    variability = replace(settings.variability, family=family, draws=DRAWS.get(family, 20))
+    variability = replace(settings.variability, family=family, draws=DRAWS.get(family, USUAL_DRAWS))
     field = replace(settings.field, dropout=DROPOUT) if family == "dropout" else settings.field
     return replace(settings, field=field, variability=variability)
 

@@ -56,3 +56,8 @@ def test_cost_is_compared_with_the_released_preset():
     assert "–" in lines[-1]
     alone = format_block(rows[1:]).splitlines()
     assert "–" in alone[2]
+
+
+def test_dropout_alone_is_refused_for_a_preset_that_drops_none(run):
+    with pytest.raises(ValueError, match="`families` must name one beside 'dropout' for preset 'tiny'"):
+        run("--presets", "tiny", "--families", "dropout")

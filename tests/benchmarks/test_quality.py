@@ -1,8 +1,12 @@
 """Rows of a map that was learned from a few frames of a box."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from anm_gym.map.presets import map_settings
+from anm_gym.map.settings import ScheduleSettings
 from benchmarks.learning import Learned, LearningCost, learn
 from benchmarks.quality import Effort, make_truth, score_map
 
@@ -85,3 +89,12 @@ def test_a_map_without_a_surface_has_no_ranking(learned, truth):
     assert row["mad_seen_cm"] == pytest.approx(100.0)
     assert row["crossings"] == 0
     assert np.isnan([row["fpr_pct"], row["auroc_seen"], row["ause"], row["variability_ms"]]).all()
+
+
+def test_points_of_a_field_with_grids_include_those_that_fill_in(recording, truth):
+    settings = replace(map_settings("fast"), schedule=ScheduleSettings(first_iterations=4, iterations=1))
+    learned = learn(recording, settings)
+    row = score_map(learned, truth, ["laplace"], EFFORT)[0]
+    assert row["points_step"] == 8 * 30 * 10 * learned.cost.iterations / 4 + 300 * 6
+    assert row["mad_seen_cm"] < 5.0
+    assert np.isnan(row["flops_step"])
