@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from anm_gym.geometry import CameraSpec, camera_pose
-from anm_gym.map.occupancy import OccupancyGrid, OccupancySettings, clearance_of
+from anm_gym.map.occupancy import OccupancyGrid, OccupancySettings, _View, clearance_of
 from anm_gym.mesh import TriangleMesh
 from anm_gym.sim.backends import make_depth_camera
 
@@ -194,3 +194,22 @@ def test_grid_without_a_frame_has_no_cells(grid: OccupancyGrid) -> None:
 def test_bad_settings_are_refused(change: dict[str, float], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         OccupancySettings(**change)
+
+
+def test_rays_of_a_column_pass_the_union_of_what_each_passes(rng: np.random.Generator) -> None:
+    camera = CameraSpec(width_px=16, height_px=64)
+    depth_m = rng.uniform(0.0, 9.0, (64, 16)).astype(np.float32)
+    settings = OccupancySettings()
+    view = _View(depth_m, camera, np.eye(4), -1.25, settings)
+    down, depths, floor_m = view._downward()
+    first = np.rint(
+        np.maximum((np.float32(1.25) - np.float32(settings.carve_height_m)) / down, 0.0) / view.bin_m
+    )
+    last = np.rint(np.where(depths <= floor_m, depths, 0.0) / view.bin_m)
+    bins = np.arange(400)[:, None, None]
+    expected = np.argwhere(((first <= bins) & (bins < last)).any(axis=1))
+    x, z = view.passed()
+    ahead = np.rint(-z / view.bin_m - 0.5).astype(int)
+    column = np.abs(view.side - (x / -z)[:, None]).argmin(axis=1)
+    assert len(expected) > 100
+    assert set(zip(ahead, column, strict=True)) == {(row[0], row[1]) for row in expected}
