@@ -49,7 +49,8 @@ def distance_bound(rays: RayBatch, kind: DistanceTarget, cloud_distance: CloudDi
         rays: (R, S) samples.
         kind: `ray`: distance along the ray; `normal`: that times the cosine between ray and surface
             normal; `batch`: distance to the nearest surface sample of the batch; `cloud`: `normal`,
-            held within what the distance to everything observed so far allows (ours).
+            held in front of the surface within what the distance to everything observed so far allows
+            (ours).
         cloud_distance: Distance to the observed cloud, used by `cloud` alone.
 
     Returns:

@@ -16,6 +16,7 @@ from anm_gym.map.settings import (
     LossSettings,
     MapSettings,
     PerturbationFamily,
+    Replay,
     SamplingSettings,
     ScheduleSettings,
     VariabilitySettings,
@@ -92,19 +93,15 @@ def _with_relu(settings: MapSettings) -> MapSettings:
     return replace(settings, field=field)
 
 
-def _without_replay(settings: MapSettings) -> MapSettings:
-    return replace(settings, sampling=replace(settings.sampling, replay="none"))
-
-
-def _with_uniform_replay(settings: MapSettings) -> MapSettings:
-    return replace(settings, sampling=replace(settings.sampling, replay="uniform"))
+def _with_replay(settings: MapSettings, replay: Replay) -> MapSettings:
+    return replace(settings, sampling=replace(settings.sampling, replay=replay))
 
 
 VARIANTS: Final[dict[str, Variant]] = {
     **{family: partial(_with_family, family=family) for family in get_args(PerturbationFamily)},
     "relu": _with_relu,
-    "no_replay": _without_replay,
-    "uniform_replay": _with_uniform_replay,
+    "no_replay": partial(_with_replay, replay="none"),
+    "uniform_replay": partial(_with_replay, replay="uniform"),
 }
 """Substitutions by name: a perturbation family (`dropout` is the paper's Module 1), the network of Module
 4 (`relu`), and other ways to replay."""
