@@ -14,7 +14,10 @@ def register_environments() -> None:
     """Register every id; entry points are strings, so that nothing is loaded."""
     gymnasium.register("ANM/Explore-v0", "anm_gym.envs.explore:ExploreEnv", max_episode_steps=EXPLORE_STEPS)
     gymnasium.register(
-        "ANM/PointNav-v0", "anm_gym.envs.pointnav:PointNavEnv", max_episode_steps=POINTNAV_STEPS
+        "ANM/PointNav-v0",
+        "anm_gym.envs.pointnav:PointNavEnv",
+        max_episode_steps=POINTNAV_STEPS,
+        vector_entry_point="anm_gym.envs.pointnav_vector:PointNavVectorEnv",
     )
     gymnasium.register(
         "ANM/ActiveMapping-v0",

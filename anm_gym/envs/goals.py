@@ -1,6 +1,6 @@
 """Point goals: how far away they are along the floor, and how they are drawn."""
 
-from collections.abc import Callable
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,8 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 from anm_gym.errors import EpisodeError
 from anm_gym.sim.geodesic import GridGraph
 from anm_gym.sim.traversable import TraversableGrid
-
-LineTest = Callable[[NDArray[np.float64], NDArray[np.float64]], bool]
 
 STRAIGHT_RATIO = 1.1
 """Paths longer than this many times the straight line are never refused (Habitat)."""
@@ -43,7 +41,9 @@ class DistanceToPoint:
     """Geodesic distance from anywhere on the floor to one fixed point.
 
     Shortest paths over the grid's eight neighbours are up to 8 % too long. They are pulled tight
-    here: corners are left out wherever the straight line stays navigable.
+    here: each cell on a path takes over the corner that the cell after it goes to, wherever the
+    straight line to it stays navigable. What is found of a path is kept, as an agent asks again one
+    step later.
 
     Args:
         grid: Where the body fits.
@@ -59,21 +59,56 @@ class DistanceToPoint:
         self._tree = graph.tree_from(cell)
         self.grid_distance_m = self._tree.distance_m
         """(rows, columns) distances over the grid, not pulled tight, metres."""
+        to_point_m = float(np.linalg.norm(grid.frame.centers_of(cell)[0] - self._point_xz))
+        self._ways = {self._flat(cell): _Way(self._point_xz, None, to_point_m)}
 
     def __call__(self, from_xz: ArrayLike) -> float:
         """Length of the shortest path from a floor point, metres; infinite if there is none."""
-        path = self.path_from(from_xz)
-        return float("inf") if path is None else float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+        way = self._way_from(from_xz)
+        return float("inf") if way is None else way.length_m
 
     def path_from(self, from_xz: ArrayLike) -> NDArray[np.float64] | None:
         """Corners of the shortest path from a floor point, (L, 2) with both ends; None if there is none."""
+        way = self._way_from(from_xz)
+        corners = [np.array(from_xz, np.float64)]
+        if way is None:
+            return None
+        while way is not None:
+            corners.append(way.corner_xz)
+            way = way.onward
+        return np.stack(corners)
+
+    def _way_from(self, from_xz: ArrayLike) -> "_Way | None":
         start_xz = np.array(from_xz, np.float64)
         cell = self._grid.cell_at(start_xz)
-        cells = None if cell is None else self._tree.path_to(cell)
-        if cells is None:
+        if cell is None or np.isinf(self.grid_distance_m[cell[0], cell[1]]):
             return None
-        inner = self._grid.frame.centers_of(cells[::-1])[1:-1]
-        return pull_tight(np.vstack([start_xz, inner, self._point_xz]), self._is_free)
+        flat = self._flat(cell)
+        return self._extend(start_xz, self._center(flat), self._way_of(flat))
+
+    def _way_of(self, flat: int) -> "_Way":
+        """The way from a cell's centre; those of the cells after it are found first."""
+        pending = []
+        while flat not in self._ways:
+            pending.append(flat)
+            flat = int(self._tree.predecessors[flat])
+        for cell in reversed(pending):
+            self._ways[cell] = self._extend(self._center(cell), self._center(flat), self._ways[flat])
+            flat = cell
+        return self._ways[flat]
+
+    def _extend(
+        self, from_xz: NDArray[np.float64], next_xz: NDArray[np.float64], next_way: "_Way"
+    ) -> "_Way":
+        """The way from a point through a neighbouring one, with as few corners as can be seen."""
+        seen: _Way | None = None
+        ahead: _Way | None = next_way
+        while ahead is not None and self._is_free(from_xz, ahead.corner_xz):
+            seen, ahead = ahead, ahead.onward
+        if seen is None:
+            return _Way(next_xz, next_way, _length_m(from_xz, next_xz) + next_way.length_m)
+        rest_m = 0.0 if seen.onward is None else seen.onward.length_m
+        return _Way(seen.corner_xz, seen.onward, _length_m(from_xz, seen.corner_xz) + rest_m)
 
     def _is_free(self, from_xz: NDArray[np.float64], to_xz: NDArray[np.float64]) -> bool:
         """Tell whether all cells that a straight line meets, looked at every quarter cell, are navigable."""
@@ -83,29 +118,29 @@ class DistanceToPoint:
         cells = ((from_xz + shares * (to_xz - from_xz) - frame.origin_xz) / frame.cell_m).astype(np.int64)
         return bool(self._grid.navigable[cells[:, 1], cells[:, 0]].all())
 
+    def _flat(self, cell: NDArray[np.int64]) -> int:
+        return int(cell[0]) * self._grid.frame.shape[1] + int(cell[1])
 
-def pull_tight(path_xz: NDArray[np.float64], is_free: LineTest) -> NDArray[np.float64]:
-    """Leave out points of a path wherever a straight line will do.
+    def _center(self, flat: int) -> NDArray[np.float64]:
+        frame = self._grid.frame
+        row, column = divmod(flat, frame.shape[1])
+        return np.array([column + 0.5, row + 0.5]) * frame.cell_m + frame.origin_xz
 
-    Args:
-        path_xz: (L, 2) points; each is taken to be joined to the next.
-        is_free: Tells whether a straight line between two points can be walked.
 
-    Returns:
-        (K, 2) points of the path, with both of its ends.
-    """
-    kept, last = [0], len(path_xz) - 1
-    while kept[-1] < last:
-        here = kept[-1]
-        seen, step = here + 1, 2
-        while seen < last and is_free(path_xz[here], path_xz[min(here + step, last)]):
-            seen, step = min(here + step, last), 2 * step
-        hidden = min(here + step, last)
-        while hidden - seen > 1:
-            middle = (seen + hidden) // 2
-            seen, hidden = (middle, hidden) if is_free(path_xz[here], path_xz[middle]) else (seen, middle)
-        kept.append(seen)
-    return path_xz[kept]
+@dataclass(frozen=True, eq=False)
+class _Way:
+    """A taut way from some place to the fixed point."""
+
+    corner_xz: NDArray[np.float64]
+    """(2,) where it goes straight to, metres."""
+    onward: "_Way | None"
+    """The way from there; None at the fixed point."""
+    length_m: float
+    """Its whole length, metres."""
+
+
+def _length_m(from_xz: NDArray[np.float64], to_xz: NDArray[np.float64]) -> float:
+    return math.hypot(to_xz[0] - from_xz[0], to_xz[1] - from_xz[1])
 
 
 def draw_goal(

@@ -13,7 +13,7 @@ from anm_gym.actions import Action
 from anm_gym.envs.noise import NoiseSpec
 from anm_gym.envs.options import EpisodeOptions, MeshEnvSettings, read_numbers
 from anm_gym.envs.picture import Moment, draw_moment
-from anm_gym.envs.shared_scenes import shared_scene
+from anm_gym.envs.shared_scenes import shared_scene, shared_simulator
 from anm_gym.errors import EpisodeError
 from anm_gym.geometry import CameraSpec, forward_xz, wrap_angle
 from anm_gym.scenes.scene import Scene
@@ -95,7 +95,9 @@ class MeshEnv(gymnasium.Env[Observation, np.int64], ABC):
         self.collisions, self.path_length_m = 0, 0.0
         self._bind(asked.scene or self.settings.scene)
         self._place(self._start if asked.start is None else asked.start)
-        self._begin(asked, self._look())
+        depth_m = self._simulator.depth_m()
+        self._look(depth_m)
+        self._begin(asked, depth_m)
         self.trajectory.append(self._simulator.state)
         return self._observe(), self._info(collided=False)
 
@@ -110,8 +112,37 @@ class MeshEnv(gymnasium.Env[Observation, np.int64], ABC):
             raise gymnasium.error.ResetNeeded("no episode has begun; call `reset` first")
         if not self.action_space.contains(action):
             raise ValueError(f"`action` must be one of {[int(a) for a in Action]}, got {action!r}")
-        motion = self._move(Action(int(action)))
-        reward, terminated = self._judge(Action(int(action)), self._look())
+        motion = self.move(Action(int(action)))
+        return self.judge(Action(int(action)), motion, self._simulator.depth_m())
+
+    def move(self, action: Action) -> Motion:
+        """Carry out the first half of a step: the motion.
+
+        The halves are apart for vectorised environments, which render between them all at once.
+        """
+        forward_m, turn_rad = self.noise.draw_actuation(self.np_random)
+        scale = 1.0 + forward_m / self.settings.forward_step_m
+        motion = self._simulator.act(action, forward_scale=scale, turn_offset_rad=turn_rad)
+        self.trajectory.append(self._simulator.state)
+        self.collisions += int(motion.collided)
+        self.path_length_m += float(motion.travelled_m)
+        return motion
+
+    def judge(
+        self, action: Action, motion: Motion, depth_m: NDArray[np.float32]
+    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Carry out the second half of a step: what is seen and what it is worth.
+
+        Args:
+            action: The action of `move`.
+            motion: What came of it.
+            depth_m: (H, W) float32 depth from where the agent is now, without noise, metres.
+
+        Returns:
+            As `step`.
+        """
+        self._look(depth_m)
+        reward, terminated = self._judge(action, depth_m)
         return self._observe(), reward, terminated, False, self._info(collided=motion.collided)
 
     def render(self) -> NDArray[Any] | None:
@@ -177,9 +208,8 @@ class MeshEnv(gymnasium.Env[Observation, np.int64], ABC):
         scene = shared_scene(scene_name, self.settings.scene_options)
         if scene is not self.__dict__.get("_scene"):
             settings = self.settings
-            self._simulator = Simulator(
-                scene.mesh,
-                scene.floor_y_m,
+            self._simulator = shared_simulator(
+                scene,
                 self.camera,
                 backend=settings.backend,
                 device=settings.device,
@@ -216,20 +246,9 @@ class MeshEnv(gymnasium.Env[Observation, np.int64], ABC):
             f"; the nearest of it is {np.round(nearest, 3).tolist()}"
         )
 
-    def _move(self, action: Action) -> Motion:
-        forward_m, turn_rad = self.noise.draw_actuation(self.np_random)
-        scale = 1.0 + forward_m / self.settings.forward_step_m
-        motion = self._simulator.act(action, forward_scale=scale, turn_offset_rad=turn_rad)
-        self.trajectory.append(self._simulator.state)
-        self.collisions += int(motion.collided)
-        self.path_length_m += float(motion.travelled_m)
-        return motion
-
-    def _look(self) -> NDArray[np.float32]:
-        """Take the depth image of this step; the true one is returned, the observed one is kept."""
-        depth_m = self._simulator.depth_m()
+    def _look(self, depth_m: NDArray[np.float32]) -> None:
+        """Keep what is observed of a true depth image."""
         self._depth_m = self.noise.disturb(depth_m, self.camera.max_depth_m, self.np_random)
-        return depth_m
 
     def _shared_spaces(self) -> dict[str, spaces.Space[Any]]:
         height, width = self.camera.height_px, self.camera.width_px

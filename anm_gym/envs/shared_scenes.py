@@ -1,19 +1,28 @@
-"""Scenes shared by the environments of one process: loading costs far more than the rest.
+"""Scenes and worlds shared by the environments of one process: making them costs far more than the rest.
 
-A scene never changes once it is made, so sharing is safe, across threads too. The simulator is not
-shared: it holds the agent, and building it takes a tenth of a second.
+A scene never changes once it is made, so sharing is safe, across threads too. What is known of its
+floor and the camera over it are shared by way of a simulator that no agent stands in; every
+environment has a twin of it.
 """
 
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
+from weakref import WeakKeyDictionary, WeakValueDictionary
 
+from anm_gym.geometry import CameraSpec
 from anm_gym.scenes.catalog import HOME_PREFIX, make_scene
 from anm_gym.scenes.scene import Scene
+from anm_gym.sim.simulator import Simulator
 
 NUM_SCENES = 8
-"""How many scenes a process keeps."""
+"""How many scenes a process keeps beside those that environments are in."""
+
+Options = tuple[tuple[str, Any], ...]
+SceneKey = tuple[str, Options, int]
+_in_use: Final[WeakValueDictionary[SceneKey, Scene]] = WeakValueDictionary()
+_worlds: Final[WeakKeyDictionary[Scene, dict[tuple[CameraSpec, str, str], Simulator]]] = WeakKeyDictionary()
 
 
 def shared_scene(name: str, options: Mapping[str, Any] | None = None) -> Scene:
@@ -26,7 +35,34 @@ def shared_scene(name: str, options: Mapping[str, Any] | None = None) -> Scene:
     Raises:
         SceneError: If the scene cannot be used.
     """
-    return _make(str(name), tuple(sorted((options or {}).items())), _last_change_ns(str(name)))
+    key = (str(name), tuple(sorted((options or {}).items())), _last_change_ns(str(name)))
+    scene = _in_use.get(key)
+    if scene is None:
+        scene = _in_use[key] = _make(*key)
+    return scene
+
+
+def shared_simulator(
+    scene: Scene, camera: CameraSpec, *, backend: str, device: str, forward_step_m: float, turn_step_deg: float
+) -> Simulator:
+    """Make the agent's world in a scene; grid and camera are shared with others of the same kind.
+
+    Args:
+        scene: The scene.
+        camera: The depth camera.
+        backend: What casts the rays.
+        device: Where a `warp` camera runs.
+        forward_step_m: Length of this agent's forward step, metres.
+        turn_step_deg: Angle of its turn, degrees.
+
+    Raises:
+        BackendError: If the back end is missing.
+    """
+    worlds = _worlds.setdefault(scene, {})
+    key = (camera, backend, device)
+    if key not in worlds:
+        worlds[key] = Simulator(scene.mesh, scene.floor_y_m, camera, backend=backend, device=device)
+    return worlds[key].twin(forward_step_m, turn_step_deg)
 
 
 def _last_change_ns(name: str) -> int:
@@ -35,5 +71,5 @@ def _last_change_ns(name: str) -> int:
 
 
 @lru_cache(maxsize=NUM_SCENES)
-def _make(name: str, options: tuple[tuple[str, Any], ...], _changed_ns: int) -> Scene:
+def _make(name: str, options: Options, _changed_ns: int) -> Scene:
     return make_scene(name, **dict(options))

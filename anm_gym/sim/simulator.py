@@ -1,5 +1,6 @@
 """The agent in a mesh: where it stands, how it moves, what it sees."""
 
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -56,17 +57,28 @@ class Simulator:
         forward_step_m: float = FORWARD_STEP_M,
         turn_step_deg: float = TURN_STEP_DEG,
     ) -> None:
-        if forward_step_m <= 0.0 or turn_step_deg <= 0.0:
-            raise ValueError(
-                f"`forward_step_m` and `turn_step_deg` must be > 0, got {forward_step_m} and {turn_step_deg}"
-            )
         self.mesh, self.floor_y_m = mesh, floor_y_m
-        self.forward_step_m, self.turn_step_rad = forward_step_m, float(np.deg2rad(turn_step_deg))
+        self._set_steps(forward_step_m, turn_step_deg)
         self.grid = TraversableGrid.from_mesh(mesh, floor_y_m, body, cell_m)
         self.camera: DepthCamera = make_depth_camera(
             mesh, camera or CameraSpec(), backend=backend, device=device
         )
         self._state: AgentState | None = None
+
+    def twin(self, forward_step_m: float, turn_step_deg: float) -> "Simulator":
+        """Make another agent in the same world: mesh, grid and camera are shared, the agent is not.
+
+        Args:
+            forward_step_m: Length of its forward step, metres.
+            turn_step_deg: Angle of its turn, degrees.
+
+        Raises:
+            ValueError: If one of them is not > 0.
+        """
+        twin = copy(self)
+        twin._state = None
+        twin._set_steps(forward_step_m, turn_step_deg)
+        return twin
 
     @property
     def state(self) -> AgentState:
@@ -153,16 +165,23 @@ class Simulator:
         inner = self.grid.frame.centers_of(cells)[1:-1]
         return np.concatenate([np.atleast_2d(from_xz), inner, np.atleast_2d(to_xz)])
 
+    def _set_steps(self, forward_step_m: float, turn_step_deg: float) -> None:
+        if forward_step_m <= 0.0 or turn_step_deg <= 0.0:
+            raise ValueError(
+                f"`forward_step_m` and `turn_step_deg` must be > 0, got {forward_step_m} and {turn_step_deg}"
+            )
+        self.forward_step_m, self.turn_step_rad = forward_step_m, float(np.deg2rad(turn_step_deg))
+
     def _nearest_navigable(self, position_xz: NDArray[np.float64]) -> str:
         """The nearest place to stand, for a message."""
         frame = self.grid.frame
         cell = nearest_free_cell(self.grid.navigable, frame.cells_of(position_xz)[0], max(frame.shape))
         return "far away" if cell is None else str(np.round(frame.centers_of(cell)[0], 3).tolist())
 
-    @cached_property
+    @property
     def graph(self) -> GridGraph:
         """The graph of the navigable cells."""
-        return GridGraph(self.grid.navigable, self.grid.frame.cell_m)
+        return self.grid.graph
 
     @cached_property
     def _color_camera(self) -> ColorCamera:

@@ -9,6 +9,7 @@ from scipy import ndimage
 
 from anm_gym.errors import SceneError
 from anm_gym.mesh import TriangleMesh
+from anm_gym.sim.geodesic import GridGraph
 from anm_gym.sim.grid import GridFrame
 from anm_gym.sim.raster import rasterise_slab
 
@@ -101,6 +102,11 @@ class TraversableGrid:
     def navigable(self) -> NDArray[np.bool_]:
         """(rows, columns) bool: the clearance at the cell's centre exceeds the body's radius."""
         return np.asarray(self.component > 0)
+
+    @cached_property
+    def graph(self) -> GridGraph:
+        """The graph of the navigable cells."""
+        return GridGraph(self.navigable, self.frame.cell_m)
 
     @cached_property
     def component_areas_m2(self) -> tuple[float, ...]:

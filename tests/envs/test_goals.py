@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from anm_gym.envs.goals import DistanceToPoint, GoalRange, draw_goal, pull_tight
+from anm_gym.envs.goals import DistanceToPoint, GoalRange, draw_goal
 from anm_gym.errors import EpisodeError
 from anm_gym.geometry import CameraSpec
 from anm_gym.mesh import TriangleMesh
@@ -45,18 +45,21 @@ def test_distance_to_nowhere_is_infinite(simulator: Simulator) -> None:
     assert distance_m(simulator, (9.0, 9.0), (1.0, 1.0)) == float("inf")
 
 
-def test_taut_path_keeps_the_corner_only() -> None:
-    path = np.array([[0.0, 0], [1, 0], [2, 0], [3, 0], [3, 1], [3, 2]])
+def test_path_has_the_corners_of_the_door_only(simulator: Simulator) -> None:
+    distance = DistanceToPoint(simulator.grid, simulator.graph, (2.0, 1.5))
+    path = distance.path_from((-2.0, 1.5))
+    assert path is not None
+    np.testing.assert_allclose(path[[0, -1]], [[-2.0, 1.5], [2.0, 1.5]])
+    assert len(path) <= 5
+    assert (np.abs(path[1:-1, 0]) < 0.3).all()
+    assert np.linalg.norm(np.diff(path, axis=0), axis=1).sum() == pytest.approx(distance((-2.0, 1.5)))
 
-    def is_free(start: np.ndarray, end: np.ndarray) -> bool:
-        return bool(start[0] == end[0] or start[1] == end[1])
 
-    np.testing.assert_array_equal(pull_tight(path, is_free), [[0, 0], [3, 0], [3, 2]])
-
-
-def test_taut_path_of_hidden_points_is_the_path() -> None:
-    path = np.array([[0.0, 0], [1, 0], [2, 0], [3, 0]])
-    np.testing.assert_array_equal(pull_tight(path, lambda start, end: False), path)
+def test_distance_does_not_depend_on_what_was_asked_before(simulator: Simulator) -> None:
+    asked, fresh = (DistanceToPoint(simulator.grid, simulator.graph, (2.0, 1.5)) for _ in range(2))
+    for x in np.linspace(-3.0, 1.0, 9):
+        asked((x, -1.0 if x < -0.5 else 0.0))
+    assert asked((-2.0, 1.5)) == fresh((-2.0, 1.5))
 
 
 def test_drawn_goals_are_in_range_and_mostly_winding(simulator: Simulator, rng: np.random.Generator) -> None:

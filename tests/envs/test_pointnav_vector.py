@@ -1,0 +1,76 @@
+"""Many agents at once do what each does alone."""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+from anm_gym.envs.pointnav_vector import PointNavVectorEnv
+
+CAMERA = {"width_px": 24, "height_px": 16}
+
+
+def settings_of(scene: str, **more: Any) -> dict[str, Any]:
+    return {"scene": scene, "scene_options": {"up_axis": "y"}, "camera": CAMERA, **more}
+
+
+def assert_equal(first: dict[str, Any], second: dict[str, Any]) -> None:
+    assert first.keys() == second.keys()
+    for key, value in first.items():
+        np.testing.assert_array_equal(value, second[key], err_msg=key)
+
+
+@pytest.mark.parametrize("noise", [None, {"depth_std_fraction": 0.01, "forward_std_m": 0.01}])
+def test_vector_form_is_bit_equal_to_single_environments(rooms: str, noise: Any, rng: np.random.Generator) -> None:
+    settings = settings_of(rooms, noise=noise)
+    single = gymnasium.make_vec(
+        "anm_gym:ANM/PointNav-v0", num_envs=3, vectorization_mode="sync", max_episode_steps=12, **settings
+    )
+    together = gymnasium.make_vec(
+        "anm_gym:ANM/PointNav-v0",
+        num_envs=3,
+        vectorization_mode="vector_entry_point",
+        max_episode_steps=12,
+        **settings,
+    )
+    (expected, expected_info), (observed, info) = single.reset(seed=5), together.reset(seed=5)
+    assert_equal(expected, observed)
+    assert_equal(expected_info, info)
+    ends = 0
+    for _ in range(40):
+        actions = rng.choice(4, size=3, p=[0.05, 0.55, 0.2, 0.2])
+        *expected_parts, expected_info = single.step(actions)
+        *parts, info = together.step(actions)
+        assert_equal(expected_parts[0], parts[0])
+        for expected_part, part in zip(expected_parts[1:], parts[1:], strict=True):
+            np.testing.assert_array_equal(expected_part, part)
+        assert_equal(expected_info, info)
+        ends += int(parts[2].sum() + parts[3].sum())
+    assert ends > 3
+
+
+def test_agents_are_handed_the_scenes_in_turn(room: str, rooms: str) -> None:
+    envs = PointNavVectorEnv(3, scenes=[room, rooms], **settings_of(room)).envs
+    assert [env.scene.name for env in envs] == ["room", "rooms", "room"]
+    assert envs[0].simulator.camera is envs[2].simulator.camera
+    assert envs[0].simulator is not envs[2].simulator
+
+
+def test_wrong_number_of_agents_actions_or_seeds_is_an_error(rooms: str) -> None:
+    with pytest.raises(ValueError, match="`num_envs` must be >= 1, got 0"):
+        PointNavVectorEnv(0, **settings_of(rooms))
+    envs = PointNavVectorEnv(2, **settings_of(rooms))
+    with pytest.raises(ValueError, match="`seed` must have 2 numbers, got 1"):
+        envs.reset(seed=[1])
+    envs.reset(seed=[1, None])
+    with pytest.raises(ValueError, match=r"`actions` must have shape \(2,\), got \(3,\)"):
+        envs.step(np.zeros(3, np.int64))
+
+
+def test_pictures_are_drawn_for_every_agent(rooms: str) -> None:
+    envs = PointNavVectorEnv(2, render_mode="depth_array", **settings_of(rooms))
+    envs.reset(seed=0)
+    pictures = envs.render()
+    assert pictures is not None
+    assert [picture.shape for picture in pictures] == [(16, 24), (16, 24)]
