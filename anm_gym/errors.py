@@ -23,3 +23,7 @@ class EpisodeError(AnmError):
 
 class BackendError(AnmError):
     """An optional back end is missing or does not work here; the message names the remedy."""
+
+
+class PolicyError(AnmError):
+    """A trained policy cannot be read, or does not fit what it is asked to drive."""

@@ -43,12 +43,13 @@ class Lockstep:
 
     Args:
         envs: Bare environments.
-        max_episode_steps: Steps after which an episode is truncated; None for never.
+        max_episode_steps: Steps after which an episode is truncated, for all or for each; None for never.
     """
 
-    def __init__(self, envs: Sequence[MeshEnv], max_episode_steps: int | None) -> None:
+    def __init__(self, envs: Sequence[MeshEnv], max_episode_steps: int | Sequence[int] | None) -> None:
         self.envs = tuple(envs)
-        self._max_steps = max_episode_steps
+        limits = max_episode_steps if max_episode_steps is not None else np.iinfo(np.int64).max
+        self._max_steps = np.broadcast_to(np.asarray(limits, np.int64), len(envs))
 
     def reset(self, index: int, seed: int | None = None, options: dict[str, Any] | None = None) -> Transition:
         """Begin an episode in one of the environments; see `MeshEnv.reset`."""
@@ -70,9 +71,10 @@ class Lockstep:
         motions = [env.move(action) for env, action in zip(envs, chosen, strict=True)]
         images = render_together(envs)
         transitions = []
-        for env, action, motion, depth_m in zip(envs, chosen, motions, images, strict=True):
+        limits = self._max_steps[list(indices)]
+        for env, action, motion, depth_m, limit in zip(envs, chosen, motions, images, limits, strict=True):
             observation, reward, terminated, _, info = env.judge(action, motion, depth_m)
-            truncated = self._max_steps is not None and info["step"] >= self._max_steps
+            truncated = bool(info["step"] >= limit)
             transitions.append(Transition(observation, reward, terminated, truncated, info))
         return transitions
 

@@ -18,7 +18,7 @@ Batch = dict[str, NDArray[Any]]
 
 
 @final
-class PointNavVectorEnv(VectorEnv[Batch, NDArray[np.int64], NDArray[np.bool_]]):
+class PointNavVectorEnv(VectorEnv[Batch, NDArray[np.int64], NDArray[Any]]):
     """`ANM/PointNav-v0` for many agents, in one scene or in several.
 
     ## Description
@@ -39,8 +39,11 @@ class PointNavVectorEnv(VectorEnv[Batch, NDArray[np.int64], NDArray[np.bool_]]):
 
     >>> import gymnasium
     >>> envs = gymnasium.make_vec(
-    ...     "anm_gym:ANM/PointNav-v0", num_envs=2, vectorization_mode="vector_entry_point",
-    ...     scene="home:studio:0", camera={"width_px": 32, "height_px": 32},
+    ...     "anm_gym:ANM/PointNav-v0",
+    ...     num_envs=2,
+    ...     vectorization_mode="vector_entry_point",
+    ...     scene="home:studio:0",
+    ...     camera={"width_px": 32, "height_px": 32},
     ... )
     >>> observations, info = envs.reset(seed=0)
     >>> observations["depth"].shape
@@ -70,9 +73,9 @@ class PointNavVectorEnv(VectorEnv[Batch, NDArray[np.int64], NDArray[np.bool_]]):
             for index in range(num_envs)
         ]
         self.num_envs, self.render_mode = num_envs, render_mode
-        self.single_observation_space = envs[0].observation_space  # type: ignore[assignment]
-        self.single_action_space = envs[0].action_space  # type: ignore[assignment]
-        self.observation_space = batch_space(envs[0].observation_space, num_envs)  # type: ignore[assignment]
+        self.single_observation_space = envs[0].observation_space
+        self.single_action_space = envs[0].action_space
+        self.observation_space = batch_space(envs[0].observation_space, num_envs)
         self.action_space = batch_space(envs[0].action_space, num_envs)
         self._lockstep = Lockstep(envs, max_episode_steps)
         self._has_ended = np.zeros(num_envs, bool)
@@ -91,6 +94,7 @@ class PointNavVectorEnv(VectorEnv[Batch, NDArray[np.int64], NDArray[np.bool_]]):
             seed: Seeds of the environments, or a number that is counted up from; None goes on.
             options: Options of `PointNavEnv.reset` for all of them.
         """
+        seeds: list[int | None]
         if seed is None or isinstance(seed, Sequence):
             seeds = [None] * self.num_envs if seed is None else list(seed)
         else:
@@ -99,15 +103,12 @@ class PointNavVectorEnv(VectorEnv[Batch, NDArray[np.int64], NDArray[np.bool_]]):
             raise ValueError(f"`seed` must have {self.num_envs} numbers, got {len(seeds)}")
         self._has_ended[:] = False
         return self._batch(
-            [
-                self._lockstep.reset(index, number, deepcopy(options))
-                for index, number in enumerate(seeds)
-            ]
+            [self._lockstep.reset(index, number, deepcopy(options)) for index, number in enumerate(seeds)]
         )
 
     def step(
         self, actions: NDArray[np.int64]
-    ) -> tuple[Batch, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+    ) -> tuple[Batch, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
         """Step the agents whose episode goes on; begin one where it has ended."""
         actions = np.asarray(actions)
         if actions.shape != (self.num_envs,):

@@ -43,7 +43,13 @@ def shared_scene(name: str, options: Mapping[str, Any] | None = None) -> Scene:
 
 
 def shared_simulator(
-    scene: Scene, camera: CameraSpec, *, backend: str, device: str, forward_step_m: float, turn_step_deg: float
+    scene: Scene,
+    camera: CameraSpec,
+    *,
+    backend: str,
+    device: str,
+    forward_step_m: float,
+    turn_step_deg: float,
 ) -> Simulator:
     """Make the agent's world in a scene; grid and camera are shared with others of the same kind.
 

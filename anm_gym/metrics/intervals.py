@@ -60,6 +60,41 @@ def mean_interval(values: ArrayLike, confidence: float = 0.95) -> Interval:
     return Interval(float(finite.mean()), half_width, count)
 
 
+def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
+    """Estimate a probability; unlike a mean's interval, it is not empty where all trials succeed.
+
+    Args:
+        successes: How many succeeded.
+        trials: Out of how many.
+        confidence: Coverage of the interval, between 0 and 1.
+
+    Returns:
+        Lower and upper end; 0 and 1 without any trial.
+
+    Raises:
+        ValueError: If there are more successes than trials, or less than none.
+
+    Source:
+        Wilson, 1927.
+
+    Example:
+        >>> low, high = wilson_interval(50, 50)
+        >>> round(low, 3), high
+        (0.929, 1.0)
+    """
+    if not 0 <= successes <= trials:
+        raise ValueError(f"`successes` must be in [0, {trials}], got {successes}")
+    if trials == 0:
+        return 0.0, 1.0
+    z = float(stats.norm.ppf(0.5 + confidence / 2.0))
+    share = successes / trials
+    center = share + z**2 / (2.0 * trials)
+    spread = z * (share * (1.0 - share) / trials + z**2 / (4.0 * trials**2)) ** 0.5
+    scale = 1.0 + z**2 / trials
+    low, high = (center - spread) / scale, (center + spread) / scale
+    return (0.0 if successes == 0 else low), (1.0 if successes == trials else high)
+
+
 def paired_difference(
     first: Mapping[Hashable, float], second: Mapping[Hashable, float], confidence: float = 0.95
 ) -> Interval:

@@ -11,6 +11,9 @@ from anm_gym.sim.traversable import TraversableGrid
 
 SUBSTEP_M = 0.01
 """Resolution at which contact is looked for, metres; a fifth of the default cell."""
+FREE_STEPS = 1.5
+"""With so many steps of clearance beside its radius the body cannot touch anything: interpolated
+clearance changes by at most sqrt(2) metres per metre."""
 BISECTIONS = 14
 """Halvings of the last substep: contact is found to a micrometre."""
 
@@ -48,6 +51,8 @@ def move_forward(
         Active Neural Mapping, Sec. 5.1: no sliding. The contact model is ours.
     """
     direction = forward_xz(heading_rad)
+    if grid.clearance_at(position_xz) > grid.body.radius_m + FREE_STEPS * step_m:
+        return Motion(position_xz + step_m * direction, step_m, False)
     component = grid.component_at(position_xz)
 
     def fits(travelled_m: float) -> bool:

@@ -63,7 +63,7 @@ class GoalWrapper(
     Unchanged.
 
     ## Information
-    Adds `goal_distance_m` (float) and `goals_count` (int).
+    Adds `goal_distance_m` (float), `goals_count` (int) and `handovers_count` (int).
 
     ## Needs
     Observations of `ANM/Explore-v0`. Uses the occupancy grid of a neural map below it, or keeps its own.
@@ -91,6 +91,7 @@ class GoalWrapper(
         self._goal: Goal | None = None
         self.goals: list[Goal] = []
         self.failures: list[Goal] = []
+        self.handovers: list[Goal] = []
 
     @property
     def goal(self) -> Goal:
@@ -128,7 +129,7 @@ class GoalWrapper(
         self.rng = np.random.default_rng(self._seed if seed is None else [self._seed, seed])
         self.stopwatch.reset()
         self._grid, self._goal = None, None
-        self.goals, self.failures = [], []
+        self.goals, self.failures, self.handovers = [], [], []
         self._trail_xz: list[NDArray[np.float64]] = []
         self._look(observation, info)
         self._begin_episode()
@@ -142,7 +143,7 @@ class GoalWrapper(
         self._look(observation, info)
         self._see(observation)
         self._goal_steps += 1
-        if self._has_arrived():
+        if self.is_reached(self.goal):
             self._replace_goal()
         elif self._goal_steps >= self.limits.timeout_steps:
             self.report_unreachable("timeout")
@@ -160,6 +161,23 @@ class GoalWrapper(
         goal = self.goal
         self.failures.append(Goal(goal.position_xz, goal.heading_rad, reason))
         self._replace_goal()
+
+    def is_reached(self, goal: Goal) -> bool:
+        """Tell whether the agent stands at a goal and looks where it asks for."""
+        if np.linalg.norm(goal.position_xz - self.position_xz) > self.limits.arrival_m:
+            return False
+        if goal.heading_rad is None:
+            return True
+        error = abs(wrap_angle(goal.heading_rad - self.heading_rad))
+        return bool(error <= np.deg2rad(self.limits.arrival_deg))
+
+    def note_handover(self, reason: str) -> None:
+        """Take note that another navigator drives to the current goal from here; it stays the goal.
+
+        Args:
+            reason: Filed with the goal.
+        """
+        self.handovers.append(Goal(self.goal.position_xz, self.goal.heading_rad, reason))
 
     def wander_goal(self) -> Goal:
         """The reachable place farthest from the trail: what is left when a source has nothing to propose."""
@@ -211,15 +229,6 @@ class GoalWrapper(
         for side_m in (-self.occupancy.cell_m, 0.0, self.occupancy.cell_m):
             self.occupancy.mark_blocked(self.position_xz + CONTACT_REACH_M * ahead + side_m * left)
 
-    def _has_arrived(self) -> bool:
-        goal = self.goal
-        if np.linalg.norm(goal.position_xz - self.position_xz) > self.limits.arrival_m:
-            return False
-        if goal.heading_rad is None:
-            return True
-        error = abs(wrap_angle(goal.heading_rad - self.heading_rad))
-        return bool(error <= np.deg2rad(self.limits.arrival_deg))
-
     def _review(self) -> None:
         with self.stopwatch("goal"):
             reviewed = self._review_goal(self.goal)
@@ -241,5 +250,9 @@ class GoalWrapper(
         self, observation: Observation, info: dict[str, Any]
     ) -> tuple[Observation, dict[str, Any]]:
         polar = pointgoal(self.position_xz, self.heading_rad, self.goal.position_xz)
-        added = {"goal_distance_m": float(polar[0]), "goals_count": len(self.goals)}
+        added = {
+            "goal_distance_m": float(polar[0]),
+            "goals_count": len(self.goals),
+            "handovers_count": len(self.handovers),
+        }
         return {**observation, "pointgoal_with_gps_compass": polar}, {**info, **added}

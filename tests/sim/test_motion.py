@@ -69,7 +69,7 @@ def test_a_long_step_does_not_jump_over_a_thin_wall(two_rooms):
 
 def test_a_body_does_not_squeeze_between_cells_that_touch_at_a_corner():
     clearance = np.zeros((8, 8), np.float32)
-    clearance[1:4, 1:4] = clearance[4:7, 4:7] = 0.5
+    clearance[1:4, 1:4] = clearance[4:7, 4:7] = 0.12
     component = (clearance > 0).astype(np.int32)
     component[4:7, 4:7] = 2
     frame = GridFrame((0.0, 0.0), 0.05, (8, 8))

@@ -1,0 +1,231 @@
+"""What a learned navigator remembers of the floor: two maps around the agent, made from posed depth.
+
+The maps belong to the agent's observation, not to its network: GPS, compass and depth are enough to
+draw them, so a small recurrent network need not learn to. Everything is done for many agents at once.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anm_gym.actions import Action
+from anm_gym.geometry import CameraSpec
+
+FREE: Final = np.uint8(1)
+"""Bit of a cell over which a ray passed at the body's heights."""
+OCCUPIED: Final = np.uint8(2)
+"""Bit of a cell with a surface at the body's heights."""
+VISITED: Final = np.uint8(4)
+"""Bit of a cell in which the agent has stood."""
+BLOCKED: Final = np.uint8(8)
+"""Bit of a cell at which a forward step was cut short."""
+FLAGS: Final = (FREE, OCCUPIED, VISITED, BLOCKED)
+"""All bits."""
+
+
+@dataclass(frozen=True)
+class EgoMemorySettings:
+    """Sizes of the maps (ours)."""
+
+    cell_m: tuple[float, ...] = (0.1, 0.4)
+    """Edge of a cell of each map, metres: the near one and the far one."""
+    crop_cells: int = 32
+    """Rows and columns of what the network sees of each."""
+    behind_share: tuple[float, ...] = (0.3, 0.5)
+    """Share of the rows of each map that lie behind the agent."""
+    grid_cells: int = 256
+    """Rows and columns that are kept; the map is a torus, farther places overwrite each other."""
+    image_px: int = 64
+    """Rows and columns of the depth image that are used."""
+    body_m: tuple[float, float] = (0.1, 1.5)
+    """Heights above the floor between which a surface is in the way, metres (the simulator's body)."""
+    free_range_m: float = 4.0
+    """Cells beyond this range are not marked free, metres: columns of the image lie too far apart."""
+    ray_step_m: float = 0.1
+    """Distance of the points at which free cells are marked along a ray, metres."""
+    contact_m: float = 0.15
+    """Where the obstacle is taken to be when a step was cut short, metres ahead."""
+    short_share: float = 0.5
+    """A forward step was cut short if it went less than this share of its length."""
+
+
+@final
+class EgoMemory:
+    """Maps around each of N agents, remembered since their episode began.
+
+    Args:
+        num_agents: N.
+        camera: The camera that all of them have, apart from its height.
+        settings: Sizes.
+
+    Source:
+        Ours. The planes resemble the local maps of Active Neural SLAM (Chaplot et al., 2020).
+    """
+
+    def __init__(
+        self, num_agents: int, camera: CameraSpec, settings: EgoMemorySettings | None = None
+    ) -> None:
+        self.settings = settings or EgoMemorySettings()
+        size, scales = self.settings.grid_cells, len(self.settings.cell_m)
+        self._cells = np.zeros((scales, num_agents, size, size), np.uint8)
+        self._position_xz = np.full((num_agents, 2), np.nan, np.float32)
+        self._rays = _Rays.of(camera, self.settings)
+        self._agents = np.arange(num_agents)
+
+    @property
+    def crop_shape(self) -> tuple[int, int, int]:
+        """Shape of the maps of one agent: (scales, rows, columns)."""
+        return len(self.settings.cell_m), self.settings.crop_cells, self.settings.crop_cells
+
+    def reset(self, index: int) -> None:
+        """Forget what one agent has seen."""
+        self._cells[:, index] = 0
+        self._position_xz[index] = np.nan
+
+    def update(
+        self,
+        depth_m: NDArray[np.float32],
+        world_from_camera: NDArray[np.float32],
+        sensor_height_m: NDArray[np.float32],
+        actions: NDArray[np.integer],
+        forward_step_m: NDArray[np.float32],
+    ) -> None:
+        """Add what the agents see.
+
+        Args:
+            depth_m: (N, H, W) or (N, H, W, 1) float32 planar depth, metres, 0 is empty.
+            world_from_camera: (N, 4, 4) float32 poses of their cameras.
+            sensor_height_m: (N,) heights of the cameras above the floor, metres.
+            actions: (N,) actions that led here; anything but forward after a reset.
+            forward_step_m: (N,) lengths of their forward steps, metres.
+        """
+        position_xz = world_from_camera[:, [0, 2], 3]
+        ahead_xz = -world_from_camera[:, [0, 2], 2]
+        self._mark_image(depth_m.reshape(depth_m.shape[:3]), position_xz, ahead_xz, sensor_height_m)
+        self._mark(self._agents, position_xz, VISITED)
+        moved_m = np.linalg.norm(position_xz - self._position_xz, axis=1)
+        is_short = (actions == int(Action.MOVE_FORWARD)) & (
+            moved_m < self.settings.short_share * forward_step_m
+        )
+        contact_xz = position_xz + self.settings.contact_m * ahead_xz
+        self._mark(self._agents[is_short], contact_xz[is_short], BLOCKED)
+        self._position_xz = position_xz.copy()
+
+    def crops(self, world_from_camera: NDArray[np.float32]) -> NDArray[np.uint8]:
+        """Cut out what lies around the agents, ahead up.
+
+        Args:
+            world_from_camera: (N, 4, 4) float32 poses.
+
+        Returns:
+            (N, scales, rows, columns) uint8 of `FLAGS`; 0 is unknown.
+        """
+        settings = self.settings
+        position_xz = world_from_camera[:, [0, 2], 3]
+        ahead_xz = -world_from_camera[:, [0, 2], 2]
+        crops = []
+        for scale, (cell_m, offsets) in enumerate(zip(settings.cell_m, self._lattices, strict=True)):
+            points = _to_world(offsets, position_xz, ahead_xz)
+            cells = np.floor(points / np.float32(cell_m)).astype(np.int32) & (settings.grid_cells - 1)
+            crops.append(self._cells[scale][self._agents[:, None], cells[..., 1], cells[..., 0]])
+        side = settings.crop_cells
+        return np.stack(crops, axis=1).reshape(-1, len(crops), side, side)
+
+    @cached_property
+    def _lattices(self) -> tuple[NDArray[np.float32], ...]:
+        """(rows * columns, 2) offsets to the right and ahead of each map's cells, metres."""
+        return tuple(
+            lattice_offsets(self.settings, scale).reshape(-1, 2) for scale in range(len(self.settings.cell_m))
+        )
+
+    def _mark_image(
+        self,
+        depth_m: NDArray[np.float32],
+        position_xz: NDArray[np.float32],
+        ahead_xz: NDArray[np.float32],
+        sensor_height_m: NDArray[np.float32],
+    ) -> None:
+        rays, (low_m, high_m) = self._rays, self.settings.body_m
+        depth = depth_m[:, rays.rows][:, :, rays.columns]
+        height = sensor_height_m[:, None, None] + depth * rays.up[:, None]
+        in_way = (depth > 0.0) & (height > low_m) & (height < high_m)
+        agent, row, column = np.nonzero(in_way)
+        along = depth[agent, row, column]
+        offsets = np.stack([along * rays.right[column], along], axis=1)
+        self._mark(agent, _to_world_each(offsets, position_xz[agent], ahead_xz[agent]), OCCUPIED)
+        open_m = np.where(in_way, depth, np.inf).min(axis=1)
+        is_open = rays.open_along < open_m[:, None] - self.settings.ray_step_m
+        agent, point = np.nonzero(is_open.reshape(len(depth), -1))
+        offsets = rays.open_offsets[point]
+        self._mark(agent, _to_world_each(offsets, position_xz[agent], ahead_xz[agent]), FREE)
+
+    def _mark(self, agent: NDArray[np.integer], points_xz: NDArray[np.float32], flag: np.uint8) -> None:
+        for scale, cell_m in enumerate(self.settings.cell_m):
+            cells = np.floor(points_xz / np.float32(cell_m)).astype(np.int32) & (self.settings.grid_cells - 1)
+            self._cells[scale][agent, cells[:, 1], cells[:, 0]] |= flag
+
+
+@dataclass(frozen=True, eq=False)
+class _Rays:
+    """The rays of the pixels that are used."""
+
+    rows: NDArray[np.int64]
+    """(R,) rows of the image."""
+    columns: NDArray[np.int64]
+    """(C,) columns of the image."""
+    up: NDArray[np.float32]
+    """(R,) rise per metre of depth."""
+    right: NDArray[np.float32]
+    """(C,) way to the right per metre of depth."""
+    open_along: NDArray[np.float32]
+    """(K, 1) depths of the points at which free cells are marked, metres."""
+    open_offsets: NDArray[np.float32]
+    """(K * C, 2) their offsets to the right and ahead, metres."""
+
+    @classmethod
+    def of(cls, camera: CameraSpec, settings: EgoMemorySettings) -> "_Rays":
+        rows = spread_pixels(camera.height_px, min(camera.height_px, settings.image_px))
+        columns = spread_pixels(camera.width_px, min(camera.width_px, settings.image_px))
+        right = camera.directions[0, columns, 0].astype(np.float32)
+        along = np.arange(0.0, settings.free_range_m, settings.ray_step_m, dtype=np.float32)[:, None]
+        offsets = np.stack([along * right, np.broadcast_to(along, (len(along), len(right)))], axis=-1)
+        up = camera.directions[rows, 0, 1].astype(np.float32)
+        return cls(rows, columns, up, right, along, offsets.reshape(-1, 2))
+
+
+def lattice_offsets(settings: EgoMemorySettings, scale: int) -> NDArray[np.float32]:
+    """Offsets of the cells of one map from the agent.
+
+    Returns:
+        (rows, columns, 2) float32 metres to the right and ahead; row 0 is farthest ahead.
+    """
+    count, cell_m = settings.crop_cells, settings.cell_m[scale]
+    ahead = (np.arange(count, 0, -1) - 0.5 - settings.behind_share[scale] * count) * cell_m
+    right = (np.arange(count) + 0.5 - 0.5 * count) * cell_m
+    return np.stack(np.broadcast_arrays(right[None, :], ahead[:, None]), axis=-1).astype(np.float32)
+
+
+def spread_pixels(available: int, wanted: int) -> NDArray[np.int64]:
+    """Indices of `wanted` of `available` rows or columns, evenly spread; some twice if there are too few."""
+    return np.asarray(((np.arange(wanted) + 0.5) * available / wanted).astype(np.int64))
+
+
+def _to_world(
+    offsets: NDArray[np.float32], position_xz: NDArray[np.float32], ahead_xz: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """(N, K, 2) floor points of (K, 2) offsets to the right and ahead of N agents."""
+    right_xz = np.stack([-ahead_xz[:, 1], ahead_xz[:, 0]], axis=1)
+    axes = np.stack([right_xz, ahead_xz], axis=1)
+    return np.asarray(offsets @ axes + position_xz[:, None], np.float32)
+
+
+def _to_world_each(
+    offsets: NDArray[np.float32], position_xz: NDArray[np.float32], ahead_xz: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """(K, 2) floor points of one offset to the right and ahead of each of K agents."""
+    right, ahead = offsets[:, :1], offsets[:, 1:]
+    right_xz = np.stack([-ahead_xz[:, 1], ahead_xz[:, 0]], axis=1)
+    return position_xz + right * right_xz + ahead * ahead_xz

@@ -1,0 +1,61 @@
+"""A trained network at work: its recurrent state, and actions drawn from what it says."""
+
+from typing import Any, final
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from agents.navigator_net import NavigatorNet
+from anm_gym.actions import Action
+
+STOP = int(Action.STOP)
+
+
+@final
+class LearnedPolicy:
+    """Act for N agents with one network.
+
+    Args:
+        net: The network.
+        num_agents: N.
+        seed: Seeds the draws.
+        deterministic: Take the likeliest action instead of drawing one.
+    """
+
+    def __init__(
+        self, net: NavigatorNet, num_agents: int = 1, seed: int = 0, *, deterministic: bool = False
+    ) -> None:
+        self._net, self._deterministic = net, deterministic
+        self._rng = np.random.default_rng(seed)
+        self._state = net.first_state(num_agents)
+        self._starts = np.ones(num_agents, np.float32)
+
+    def begin(self, index: int) -> None:
+        """Forget an agent's past: a new episode, or a new goal."""
+        self._starts[index] = 1.0
+
+    @torch.no_grad()
+    def log_probabilities(self, observation: dict[str, NDArray[Any]]) -> NDArray[np.float64]:
+        """(N, actions) log-probabilities for one frame of every agent; the state moves on."""
+        tensors = {key: torch.from_numpy(values) for key, values in observation.items()}
+        outputs, self._state = self._net.step(tensors, self._state, torch.from_numpy(self._starts))
+        self._starts = np.zeros_like(self._starts)
+        return np.asarray(torch.log_softmax(outputs.logits, dim=1).numpy(), np.float64)
+
+    def act(self, observation: dict[str, NDArray[Any]], *, may_stop: bool = True) -> NDArray[np.int64]:
+        """Choose an action for every agent.
+
+        Args:
+            observation: One frame of every agent, see `NavigationObserver`.
+            may_stop: Whether stop is among the choices.
+
+        Returns:
+            (N,) actions.
+        """
+        scores = self.log_probabilities(observation)
+        if not may_stop:
+            scores[:, STOP] = -np.inf
+        if not self._deterministic:
+            scores = scores + self._rng.gumbel(size=scores.shape)
+        return scores.argmax(axis=1)

@@ -1,0 +1,105 @@
+"""What a learned navigator's network is shown, made from what a point-goal environment observes.
+
+Training, evaluation and the seat under a goal wrapper all go through here, so they cannot differ.
+"""
+
+from typing import Any, Final, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.ego_memory import EgoMemory, spread_pixels
+from agents.navigator_net import NUM_PREVIOUS, NavigatorNetSettings
+from anm_gym.actions import Action
+from anm_gym.geometry import CameraSpec
+
+MAX_DEPTH_M: Final = 10.0
+"""Depth is clipped to this and divided by it (DD-PPO)."""
+Batch = dict[str, NDArray[Any]]
+
+
+@final
+class NavigationObserver:
+    """Keep what N agents remember, and make the network's observation of it.
+
+    Args:
+        num_agents: N.
+        camera: Image size and field of view of all agents' cameras.
+        sensor_height_m: Height of each agent's camera, metres.
+        forward_step_m: Length of each agent's forward step, metres.
+        settings: The network's sizes.
+    """
+
+    def __init__(
+        self,
+        num_agents: int,
+        camera: CameraSpec,
+        sensor_height_m: float | NDArray[np.floating],
+        forward_step_m: float | NDArray[np.floating],
+        settings: NavigatorNetSettings,
+    ) -> None:
+        self.settings = settings
+        self._memory = EgoMemory(num_agents, camera, settings.memory) if settings.uses_maps else None
+        self._sensor_height_m = np.broadcast_to(np.float32(sensor_height_m), (num_agents,))
+        self._forward_step_m = np.broadcast_to(np.float32(forward_step_m), (num_agents,))
+        self._previous = np.full(num_agents, NUM_PREVIOUS - 1, np.uint8)
+        self._rows, self._columns = (
+            spread_pixels(count, settings.image_px) for count in (camera.height_px, camera.width_px)
+        )
+
+    def shapes(self) -> dict[str, tuple[tuple[int, ...], type[np.generic]]]:
+        """Shape and dtype of every key, for one agent."""
+        shapes: dict[str, tuple[tuple[int, ...], type[np.generic]]] = {
+            "depth": ((1, len(self._rows), len(self._columns)), np.uint8),
+            "goal": ((2,), np.float32),
+            "previous_action": ((1,), np.uint8),
+            "forward_step_m": ((1,), np.float32),
+        }
+        if self._memory is not None:
+            shapes["maps"] = (self._memory.crop_shape, np.uint8)
+        return shapes
+
+    def begin_episode(self, index: int) -> None:
+        """Forget what an agent has seen and done."""
+        if self._memory is not None:
+            self._memory.reset(index)
+        self._previous[index] = NUM_PREVIOUS - 1
+
+    def begin_goal(self, index: int) -> None:
+        """Forget what an agent has done, but not what it has seen: a new goal, the same place."""
+        self._previous[index] = NUM_PREVIOUS - 1
+
+    def note(self, actions: NDArray[np.integer]) -> None:
+        """Take note of the actions that the N agents carry out now."""
+        self._previous[:] = actions
+
+    def observe(
+        self,
+        depth_m: NDArray[np.float32],
+        world_from_camera: NDArray[np.float32],
+        pointgoal: NDArray[np.float32],
+    ) -> Batch:
+        """Make the observation of all agents.
+
+        Args:
+            depth_m: (N, H, W) or (N, H, W, 1) float32 planar depth, metres, 0 is empty.
+            world_from_camera: (N, 4, 4) float32 poses of their cameras.
+            pointgoal: (N, 2) float32 distance (metres) and bearing (radians, left positive).
+
+        Returns:
+            The keys of `shapes`, with a first axis for the agents; see `NavigatorEncoder`.
+        """
+        images = depth_m.reshape(depth_m.shape[:3])
+        seen = images[:, self._rows[:, None], self._columns]
+        scaled = np.rint(np.clip(seen * (255.0 / MAX_DEPTH_M), 0.0, 255.0))
+        batch: Batch = {
+            "depth": scaled.astype(np.uint8)[:, None],
+            "goal": pointgoal.astype(np.float32),
+            "previous_action": self._previous[:, None].copy(),
+            "forward_step_m": self._forward_step_m[:, None].copy(),
+        }
+        if self._memory is not None:
+            moved = np.where(self._previous == int(Action.MOVE_FORWARD), self._previous, 0)
+            self._memory.update(images, world_from_camera, self._sensor_height_m, moved, self._forward_step_m)
+            batch["maps"] = self._memory.crops(world_from_camera)
+        return batch

@@ -1,0 +1,248 @@
+"""Planners of grid baselines: shortest paths in a window, fast marching, and RRT*.
+
+Exact costs over a whole raster are `anm_gym.sim.geodesic`'s; the planners here are what published
+baselines use on their maps, where unknown cells may count as free.
+"""
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from anm_gym.sim.geodesic import GridGraph
+
+CONVERGED_CELLS: Final = 1e-3
+"""Fast marching ends when no cell changes by more than this, cells."""
+SAMPLES_PER_CELL: Final = 2
+"""Points at which a straight line is tested, per cell of its length."""
+
+
+def windowed_path(
+    free: NDArray[np.bool_], cell_m: float, start_cell: ArrayLike, goal_cell: ArrayLike, margin_m: float
+) -> NDArray[np.int64] | None:
+    """Find the shortest path in the box around both ends, and in the whole raster if there is none.
+
+    Args:
+        free: (rows, columns) cells to walk on.
+        cell_m: Edge of a cell, metres.
+        start_cell: (2,) row and column.
+        goal_cell: (2,) row and column.
+        margin_m: Margin of the box, metres.
+
+    Returns:
+        (L, 2) cells with both ends; None if there is no path.
+
+    Source:
+        OccAnt searches the box with a margin of 3 m; its A* finds paths of the same length.
+    """
+    ends = np.array([start_cell, goal_cell], np.int64)
+    margin = int(np.ceil(margin_m / cell_m))
+    low = np.clip(ends.min(axis=0) - margin, 0, free.shape)
+    high = np.clip(ends.max(axis=0) + margin + 1, 0, free.shape)
+    if (low < high).all():
+        box = free[low[0] : high[0], low[1] : high[1]]
+        path = GridGraph(box, cell_m).path(ends[0] - low, ends[1] - low)
+        if path is not None:
+            return np.asarray(path + low)
+        if box.shape == free.shape:
+            return None
+    return GridGraph(free, cell_m).path(ends[0], ends[1])
+
+
+def marching_distance(
+    free: NDArray[np.bool_], cell_m: float, goal_cells: ArrayLike, max_rounds: int = 200
+) -> NDArray[np.float64]:
+    """Distance to the nearest goal along any angle, as fast marching gives it.
+
+    Distances over eight neighbours, up to 8 % too long, are lowered by the upwind update of the eikonal
+    equation until they no longer change; 4 % too long at most remain.
+
+    Args:
+        free: (rows, columns) cells to walk on.
+        cell_m: Edge of a cell, metres.
+        goal_cells: (K, 2) rows and columns.
+        max_rounds: Updates of all cells, at most.
+
+    Returns:
+        (rows, columns) float64 metres; infinite where there is no way.
+
+    Source:
+        Sethian, A fast marching level set method, 1996; the start from a graph is ours.
+    """
+    graph = GridGraph(free, 1.0).distance_from(goal_cells)
+    reachable = np.isfinite(graph)
+    far = 4.0 * free.size
+    distance = np.pad(np.where(reachable, graph, far), 1, constant_values=far)
+    inner = distance[1:-1, 1:-1]
+    for _ in range(max_rounds):
+        lower = np.minimum(inner, _upwind(distance))
+        change = np.max(inner - lower, where=reachable, initial=0.0)
+        inner[:] = np.where(reachable, lower, far)
+        if change < CONVERGED_CELLS:
+            break
+    return np.where(reachable, cell_m * inner, np.inf)
+
+
+def _upwind(distance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Solve |gradient| = 1 in each inner cell of a padded raster for its lower neighbours, cells."""
+    along_rows = np.minimum(distance[:-2, 1:-1], distance[2:, 1:-1])
+    along_columns = np.minimum(distance[1:-1, :-2], distance[1:-1, 2:])
+    gap = along_rows - along_columns
+    both = 0.5 * (along_rows + along_columns + np.sqrt(np.maximum(2.0 - gap**2, 0.0)))
+    return np.where(np.abs(gap) < 1.0, both, np.minimum(along_rows, along_columns) + 1.0)
+
+
+@dataclass(frozen=True)
+class RrtSettings:
+    """How a tree of paths is grown."""
+
+    iterations: int = 2500
+    """Points that are drawn."""
+    extension_m: float = 0.25
+    """Longest edge of the tree, metres."""
+    neighbour_m: float = 0.25
+    """Largest distance of a neighbour that may become a parent, metres."""
+    shrink_m: float = 1.0
+    """Neighbours are within `shrink_m` * sqrt(ln n / n) of n nodes as well, metres."""
+    sampling: Literal["whole_map", "window"] = "window"
+    """Draw from the whole raster, or from a square around the start that the paths cannot leave anyway."""
+    window_m: float = 3.0
+    """Half the edge of that square, metres."""
+
+    def __post_init__(self) -> None:
+        if self.iterations < 1:
+            raise ValueError(f"`iterations` must be >= 1, got {self.iterations}")
+        if min(self.extension_m, self.neighbour_m, self.shrink_m, self.window_m) <= 0.0:
+            raise ValueError("`extension_m`, `neighbour_m`, `shrink_m` and `window_m` must be > 0")
+
+
+@dataclass(frozen=True, eq=False)
+class PathTree:
+    """Paths from one start, as a tree; places in cells, (row, column), centres at +0.5."""
+
+    nodes: NDArray[np.float64]
+    """(N, 2) places, the start first."""
+    parents: NDArray[np.int64]
+    """(N,) the node before; the start is its own."""
+
+    @property
+    def depths(self) -> NDArray[np.int64]:
+        """(N,) edges between the start and each node."""
+        depths = np.zeros(len(self.nodes), np.int64)
+        ancestors = np.arange(len(self.nodes))
+        while ancestors.any():
+            depths += ancestors != 0
+            ancestors = self.parents[ancestors]
+        return depths
+
+    def path_to(self, node: int) -> NDArray[np.float64]:
+        """Places from the start to a node, (L, 2), both ends included."""
+        chain = [node]
+        while chain[-1] != 0:
+            chain.append(int(self.parents[chain[-1]]))
+        return self.nodes[chain[::-1]]
+
+
+def grow_tree(
+    blocked: NDArray[np.bool_],
+    cell_m: float,
+    start: ArrayLike,
+    settings: RrtSettings,
+    rng: np.random.Generator,
+) -> PathTree:
+    """Grow an RRT* without a goal: every node hangs from the neighbour with the shortest way.
+
+    Args:
+        blocked: (rows, columns) cells that paths must not touch; the start's own does not count.
+        cell_m: Edge of a cell, metres.
+        start: (2,) row and column of the start, in cells with fractions.
+        settings: How to grow.
+        rng: Draws the points.
+
+    Source:
+        Karaman and Frazzoli, Sampling-based algorithms for optimal motion planning, 2011.
+    """
+    origin = np.asarray(start, np.float64)
+    blocked = blocked.copy()
+    blocked[int(origin[0]), int(origin[1])] = False
+    tree = _Growth(blocked, origin, settings, cell_m)
+    low, high = np.zeros(2), np.asarray(blocked.shape, np.float64)
+    if settings.sampling == "window":
+        reach = settings.window_m / cell_m
+        low, high = np.maximum(low, origin - reach), np.minimum(high, origin + reach)
+    for point in rng.uniform(low, np.maximum(high, low), (settings.iterations, 2)):
+        tree.extend(point)
+    return PathTree(tree.nodes[: tree.count].copy(), tree.parents[: tree.count].copy())
+
+
+def line_is_free(
+    blocked: NDArray[np.bool_], starts: NDArray[np.float64], end: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Tell which straight lines from (K, 2) places to one place (2,), in cells, touch no blocked cell."""
+    longest = float(np.abs(end - starts).max(initial=0.0))
+    shares = np.linspace(0.0, 1.0, int(np.ceil(SAMPLES_PER_CELL * longest)) + 2)[1:]
+    places = starts[:, None] + shares[:, None] * (end - starts)[:, None]
+    cells = places.astype(np.int64)
+    np.clip(cells, 0, np.asarray(blocked.shape) - 1, out=cells)
+    return np.asarray(~blocked[cells[..., 0], cells[..., 1]].any(axis=1))
+
+
+class _Growth:
+    """The tree while it grows; its arrays have room for all nodes."""
+
+    def __init__(
+        self, blocked: NDArray[np.bool_], start: NDArray[np.float64], settings: RrtSettings, cell_m: float
+    ) -> None:
+        self._blocked = blocked
+        self._extension = settings.extension_m / cell_m
+        self._neighbour, self._shrink = settings.neighbour_m / cell_m, settings.shrink_m / cell_m
+        size = settings.iterations + 1
+        self.nodes, self.parents = np.zeros((size, 2)), np.zeros(size, np.int64)
+        self._costs = np.zeros(size)
+        self.nodes[0], self.count = start, 1
+
+    def extend(self, point: NDArray[np.float64]) -> None:
+        """Grow towards a point, and let it shorten the ways of its neighbours."""
+        delta = self.nodes[: self.count] - point
+        nearest = int(np.einsum("nd,nd->n", delta, delta).argmin())
+        length = float(np.hypot(*delta[nearest]))
+        if length == 0.0:
+            return
+        share = min(1.0, self._extension / length)
+        place = self.nodes[nearest] - share * delta[nearest]
+        if not line_is_free(self._blocked, self.nodes[nearest : nearest + 1], place)[0]:
+            return
+        near, gaps = self._neighbours(place, nearest)
+        self._hang(place, near, gaps)
+
+    def _neighbours(
+        self, place: NDArray[np.float64], nearest: int
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Nodes that can see a place and are near to it, and their distances in cells."""
+        radius = min(self._neighbour, self._shrink * np.sqrt(np.log(self.count) / self.count))
+        delta = self.nodes[: self.count] - place
+        squared = np.einsum("nd,nd->n", delta, delta)
+        near = np.flatnonzero(squared <= radius**2)
+        near = np.append(near[near != nearest], nearest)
+        near = near[line_is_free(self._blocked, self.nodes[near], place)]
+        return near, np.sqrt(squared[near])
+
+    def _hang(self, place: NDArray[np.float64], near: NDArray[np.int64], gaps: NDArray[np.float64]) -> None:
+        node = self.count
+        costs = self._costs[near] + gaps
+        best = int(costs.argmin())
+        self.nodes[node], self.parents[node], self._costs[node] = place, near[best], costs[best]
+        self.count += 1
+        shorter = costs[best] + gaps < self._costs[near] - 1e-9
+        for other, cost in zip(near[shorter], (costs[best] + gaps)[shorter], strict=True):
+            self._shift(int(other), float(cost - self._costs[other]))
+            self.parents[other] = node
+
+    def _shift(self, node: int, change: float) -> None:
+        """Change the cost of a node and of all that hang from it."""
+        below = np.array([node])
+        while len(below):
+            self._costs[below] += change
+            below = np.flatnonzero(np.isin(self.parents[: self.count], below))
+            below = below[below != 0]

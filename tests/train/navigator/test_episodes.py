@@ -1,0 +1,101 @@
+"""Episodes for comparison: the same for everyone, played side by side or one by one."""
+
+from pathlib import Path
+
+import pytest
+import torch
+
+from agents.navigator_net import NavigatorNet, NavigatorNetSettings
+from agents.policy_file import save_policy
+from train.navigator.driven import play_driven
+from train.navigator.episodes import RESULTS, NavigationEpisode, episodes_of, play_learned
+from train.navigator.table import NavigationComparison, compare_navigators, summarise
+
+SCENES = ["home:studio:1", "home:studio:2"]
+
+
+@pytest.fixture
+def net(tiny_net: NavigatorNetSettings) -> NavigatorNet:
+    """Give a network that likes to walk, and to stop now and then."""
+    torch.manual_seed(1)
+    net = NavigatorNet(tiny_net).eval()
+    with torch.no_grad():
+        net.actor.bias.copy_(torch.tensor([-3.0, 1.0, 0.0, 0.0]))
+    return net
+
+
+def test_episodes_are_spread_over_the_scenes() -> None:
+    episodes = episodes_of(SCENES, 5, 0.25)
+    assert [(one.scene, one.seed) for one in episodes] == [
+        *((SCENES[0], seed) for seed in range(3)),
+        *((SCENES[1], seed) for seed in range(2)),
+    ]
+
+
+def test_agents_side_by_side_do_what_one_does_alone(net: NavigatorNet) -> None:
+    episodes = episodes_of(SCENES, 4, 0.25)
+    together = play_learned(net, episodes, deterministic=True, num_agents=3)
+    alone = [play_learned(net, [one], deterministic=True)[0] for one in episodes]
+    for first, second in zip(together, alone, strict=True):
+        assert first.keys() == set(RESULTS)
+        assert first["step"] == second["step"]
+        assert first["distance_to_goal_m"] == pytest.approx(second["distance_to_goal_m"], abs=1e-3)
+
+
+def test_drawn_actions_repeat_with_their_seed(net: NavigatorNet) -> None:
+    episodes = episodes_of(SCENES, 2, 0.25)
+    first, second, other = (play_learned(net, episodes, deterministic=False, seed=seed) for seed in (0, 0, 1))
+    assert first == second
+    assert first != other
+
+
+def test_different_steps_cannot_be_played_together(net: NavigatorNet) -> None:
+    episodes = [NavigationEpisode(SCENES[0], 0, step) for step in (0.1, 0.25)]
+    with pytest.raises(ValueError, match=r"`episodes` must have one length of a step, got \[0.1, 0.25\]"):
+        play_learned(net, episodes, deterministic=True)
+
+
+@pytest.mark.parametrize("navigator", ["planner", "oracle"])
+def test_planners_arrive_and_stop(navigator: str) -> None:
+    result = play_driven(navigator, NavigationEpisode(SCENES[0], 0, 0.25), 48)
+    assert result["is_success"]
+    assert result["distance_to_goal_m"] < 0.2
+    assert result["cpu_ms"] > 0.0
+
+
+def test_table_goes_on_where_it_stopped(net: NavigatorNet, tmp_path: Path, monkeypatch, capsys) -> None:
+    path = tmp_path / "walker.safetensors"
+    save_policy(net, path)
+    comparison = NavigationComparison(
+        [str(path)], SCENES, 2, 0.25, deterministic=True, workers=0, out=tmp_path
+    )
+    lines = compare_navigators(comparison, tmp_path / "table.json")
+    assert [line["scene"] for line in lines] == [*SCENES, "all"]
+    assert "walker.safetensors" in capsys.readouterr().out
+    monkeypatch.setattr("train.navigator.table.play", None)
+    assert compare_navigators(comparison) == lines
+    assert (tmp_path / "table.json").read_text().count('"success"') == 3
+
+
+def test_line_of_the_table_is_what_a_hand_counts() -> None:
+    rows = [
+        {
+            "draws": "own",
+            "step_m": 0.25,
+            "is_success": success,
+            "spl": spl,
+            "soft_spl": 0.5,
+            "collisions": count,
+        }
+        for success, spl, count in ((True, 1.0, 0), (True, 0.5, 4), (False, 0.0, 2))
+    ]
+    line = summarise("planner", "all", rows)
+    assert line["success"] == pytest.approx(2 / 3)
+    assert line["success_low"] == pytest.approx(0.208, abs=1e-3)
+    assert (line["spl"], line["collisions"]) == (0.5, 2.0)
+    assert line["soft_spl_half_width"] == pytest.approx(0.0)
+
+
+def test_unknown_navigator_is_refused() -> None:
+    with pytest.raises(ValueError, match="unknown navigator 'walker'; choose one of: ddppo, "):
+        NavigationComparison(["walker"], SCENES, 1, 0.25, deterministic=False)

@@ -1,0 +1,1 @@
+"""Training of point-goal navigators, and their comparison: `python -m train.navigator`."""

@@ -1,0 +1,151 @@
+"""Point-goal episodes played by navigators: learned ones many at a time, the others one by one."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.learned_policy import LearnedPolicy
+from agents.navigation_observer import NavigationObserver
+from agents.navigator_net import NavigatorNet
+from anm_gym.envs.lockstep import Lockstep, Transition
+from anm_gym.envs.pointnav import PointNavEnv
+from train.navigator.env import step_limit
+
+RESULTS: Final = ("is_success", "spl", "soft_spl", "collisions", "step", "distance_to_goal_m")
+"""What is kept of the last info of an episode."""
+
+
+@dataclass(frozen=True)
+class NavigationEpisode:
+    """One episode: the same start and goal for every navigator."""
+
+    scene: str
+    """Name or path of the scene."""
+    seed: int
+    """Seeds start and goal."""
+    step_m: float
+    """Length of a forward step, metres."""
+
+
+def play_learned(
+    net: NavigatorNet,
+    episodes: Sequence[NavigationEpisode],
+    *,
+    deterministic: bool,
+    num_agents: int = 16,
+    seed: int = 0,
+) -> list[dict[str, Any]]:
+    """Play episodes of one step length, as many at a time as there are agents.
+
+    Args:
+        net: The network.
+        episodes: What to play; those of a scene should be neighbours.
+        deterministic: Take the likeliest action instead of drawing one.
+        num_agents: Episodes that are played side by side.
+        seed: Seeds the draws.
+
+    Returns:
+        `RESULTS` of each episode, in their order.
+
+    Raises:
+        ValueError: If there are no episodes or their steps differ.
+    """
+    steps = {episode.step_m for episode in episodes}
+    if len(steps) != 1:
+        raise ValueError(f"`episodes` must have one length of a step, got {sorted(steps)}")
+    count = min(num_agents, len(episodes))
+    envs = [make_pointnav(episodes[index], net.settings.image_px) for index in range(count)]
+    lockstep = Lockstep(envs, step_limit(steps.pop()))
+    table = _Table(lockstep, net, deterministic, seed)
+    waiting = iter(enumerate(episodes))
+    playing = {
+        agent: table.deal(agent, episode) for agent, episode in zip(range(count), waiting, strict=False)
+    }
+    results: dict[int, dict[str, Any]] = {}
+    while playing:
+        for agent in table.step(sorted(playing)):
+            results[playing.pop(agent)] = table.result(agent)
+            following = next(waiting, None)
+            if following is not None:
+                playing[agent] = table.deal(agent, following)
+    return [results[index] for index in range(len(episodes))]
+
+
+class _Table:
+    """Agents that each play an episode."""
+
+    def __init__(self, lockstep: Lockstep, net: NavigatorNet, deterministic: bool, seed: int) -> None:
+        envs: Any = lockstep.envs
+        self._lockstep, self._envs = lockstep, envs
+        self._last: list[Transition | None] = [None] * len(envs)
+        self._policy = LearnedPolicy(net, len(envs), seed, deterministic=deterministic)
+        self._observer = NavigationObserver(
+            len(envs),
+            envs[0].camera,
+            envs[0].camera.sensor_height_m,
+            envs[0].settings.forward_step_m,
+            net.settings,
+        )
+
+    def deal(self, agent: int, numbered: tuple[int, NavigationEpisode]) -> int:
+        """Begin an episode; returns its number."""
+        number, episode = numbered
+        self._last[agent] = self._lockstep.reset(agent, episode.seed, {"scene": episode.scene})
+        self._observer.begin_episode(agent)
+        self._policy.begin(agent)
+        return number
+
+    def step(self, agents: Sequence[int]) -> list[int]:
+        """Step the agents that play; returns those whose episode has ended."""
+        # An agent without an episode stands still: its last observation is shown again.
+        observations = [self._transition(agent).observation for agent in range(len(self._envs))]
+        actions = self._policy.act(
+            self._observer.observe(
+                _stack(observations, "depth"),
+                _stack(observations, "world_from_camera"),
+                _stack(observations, "pointgoal_with_gps_compass"),
+            )
+        )
+        self._observer.note(actions)
+        transitions = self._lockstep.step(agents, actions[list(agents)])
+        self._last = list(self._last)
+        for agent, transition in zip(agents, transitions, strict=True):
+            self._last[agent] = transition
+        return [agent for agent in agents if self._transition(agent).has_ended]
+
+    def result(self, agent: int) -> dict[str, Any]:
+        """What an episode came to."""
+        info = self._transition(agent).info or {}
+        return {key: info[key] for key in RESULTS}
+
+    def _transition(self, agent: int) -> Transition:
+        transition = self._last[agent]
+        assert transition is not None, "every agent has been dealt an episode"
+        return transition
+
+
+def make_pointnav(episode: NavigationEpisode, image_px: int) -> PointNavEnv:
+    """Make the environment that an episode is played in."""
+    return PointNavEnv(
+        episode.scene,
+        camera={"width_px": image_px, "height_px": image_px},
+        forward_step_m=episode.step_m,
+    )
+
+
+def episodes_of(scenes: Iterable[str], num_episodes: int, step_m: float) -> list[NavigationEpisode]:
+    """Spread a number of episodes over scenes; the same ones for every navigator."""
+    names = list(scenes)
+    shares = [len(part) for part in np.array_split(np.arange(num_episodes), len(names))]
+    return [
+        NavigationEpisode(name, seed, step_m)
+        for name, share in zip(names, shares, strict=True)
+        for seed in range(share)
+    ]
+
+
+def _stack(observations: Sequence[dict[str, NDArray[Any]]], key: str) -> NDArray[np.float32]:
+    return np.stack([observation[key] for observation in observations])

@@ -1,0 +1,221 @@
+"""A navigator's training run: imitation, then reinforcement, watched, saved and evaluated on the way."""
+
+import json
+import time
+from collections import deque
+from collections.abc import Iterable
+from contextlib import closing
+from pathlib import Path
+from typing import Any, Final, final
+
+import numpy as np
+import torch
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import Logger, configure
+from stable_baselines3.common.vec_env import VecMonitor
+from torch import nn
+from tqdm import tqdm
+
+from agents.navigator_net import NavigatorNet
+from agents.policy_file import save_policy
+from train.navigator.checkpoint import Progress, TrainingCheckpoint
+from train.navigator.dagger import Dagger
+from train.navigator.env import NavigationVecEnv
+from train.navigator.episodes import episodes_of, play_learned
+from train.navigator.ppo import NavigatorPpo
+from train.navigator.presets import NavigatorTraining
+from train.navigator.ranks import Ranks
+from train.provenance import versions
+
+IMITATION: Final = "imitation"
+REINFORCEMENT: Final = "reinforcement"
+SAVE_S: Final = 60.0
+"""Time between two checkpoints, seconds."""
+EVALUATION_STEPS_M: Final = (0.065, 0.25)
+"""Steps of the evaluations on the way, metres."""
+EVALUATION_HOMES: Final = tuple(
+    f"home:{tier}:{seed}" for seed in (900, 901, 902) for tier in ("flat", "house")
+)
+"""Homes of the evaluations on the way; never trained on, and not those of the final one."""
+WINDOW: Final = 100
+"""Episodes that the logged means are taken over, as the library does it."""
+
+
+@final
+class NavigatorRun:
+    """Train a navigator in a folder; started again, it goes on where it stopped.
+
+    Args:
+        training: What to do.
+        folder: Where checkpoint, log and weights go.
+        ranks: The processes that learn together.
+
+    Raises:
+        ValueError: If the folder holds a run with other settings.
+    """
+
+    def __init__(self, training: NavigatorTraining, folder: Path, ranks: Ranks | None = None) -> None:
+        self.training, self.folder, self.ranks = training, folder, ranks or Ranks()
+        folder.mkdir(parents=True, exist_ok=True)
+        self._claim_folder()
+        self._checkpoint = TrainingCheckpoint(folder / "checkpoint.safetensors")
+        self.progress = self._checkpoint.progress() or Progress(IMITATION)
+        self._saved_s, self._cpu_before_s = time.monotonic(), self.progress.cpu_s - time.process_time()
+
+    def train(self) -> NavigatorNet:
+        """Run both stages and write the weights, with a card beside them.
+
+        Returns:
+            The trained network.
+        """
+        torch.manual_seed(self.training.seed)
+        net = NavigatorNet(self.training.net)
+        seed = self.training.seed * 1000 + self.ranks.rank + 7919 * self.progress.frames
+        env = NavigationVecEnv(self.training.net, self.training.domain, self.training.num_agents, seed)
+        with closing(self._logger()) as logger:
+            if self.progress.stage == IMITATION:
+                self._imitate(net, env, logger)
+            net = self._reinforce(net, env, logger)
+        if self.ranks.is_first:
+            self._finish(net)
+        return net
+
+    def _imitate(self, net: NavigatorNet, env: NavigationVecEnv, logger: Logger) -> None:
+        dagger = Dagger(net, env, self.training.imitation, self.training.seed, self.ranks)
+        if self.progress.frames:
+            self._checkpoint.restore(net, dagger.optimizer)
+            dagger.frames = self.progress.frames
+        recent: deque[dict[str, Any]] = deque(maxlen=WINDOW)
+        with self._bar(IMITATION, self.training.imitation.frames) as bar:
+            for step in dagger.rounds():
+                recent.extend(step.episodes)
+                bar.update(step.frames - bar.n)
+                bar.set_postfix(agreement=f"{step.agreement:.2f}", success=_mean(recent, "is_success"))
+                logger.record("train/loss", step.loss)
+                logger.record("train/agreement", step.agreement)
+                logger.record("rollout/success_rate", _mean(recent, "is_success"))
+                logger.record("rollout/spl", _mean(recent, "spl"))
+                self.after_round(net, dagger.optimizer, step.frames, logger)
+        self.progress.stage, self.progress.frames = REINFORCEMENT, 0
+
+    def _reinforce(self, net: NavigatorNet, env: NavigationVecEnv, logger: Logger) -> NavigatorNet:
+        settings = self.training.reinforcement
+        if settings.frames == 0:
+            return net
+        monitored = VecMonitor(env, info_keywords=("is_success", "spl"))
+        model = NavigatorPpo(
+            monitored, self.training.net, settings, self.ranks, self.training.seed, device="cpu"
+        )
+        if self.progress.frames:
+            self._checkpoint.restore(model.policy, model.policy.optimizer)
+        else:
+            model.policy.load_net(net)
+            self.ranks.synchronise(model.policy)
+        model.set_logger(logger)
+        model.num_timesteps = self.progress.frames
+        with self._bar(REINFORCEMENT, settings.frames) as bar:
+            watch = _Watch(self, bar)
+            left = max(settings.frames - self.progress.frames, 0)
+            model.learn(left, callback=watch, reset_num_timesteps=False)
+        return model.policy.as_net()
+
+    def after_round(
+        self, module: nn.Module, optimizer: torch.optim.Optimizer, frames: int, logger: Logger
+    ) -> None:
+        """Evaluate and save when it is time; the first process does it for all."""
+        before, self.progress.frames = self.progress.frames, frames
+        if not self.ranks.is_first:
+            return
+        self.progress.cpu_s = self._cpu_before_s + time.process_time()
+        every = self.training.evaluation_every
+        if before // every != frames // every:
+            point = self.evaluate(module if isinstance(module, NavigatorNet) else module.as_net())
+            self.progress.curve.append({"stage": self.progress.stage, "frames": frames, **point})
+            for name, value in point.items():
+                logger.record(f"eval/{name}", value)
+        if self.progress.stage == IMITATION:
+            logger.dump(frames)
+        if time.monotonic() - self._saved_s > SAVE_S:
+            self._saved_s = time.monotonic()
+            self._checkpoint.save(module, optimizer, self.progress)
+
+    def evaluate(self, net: NavigatorNet) -> dict[str, float]:
+        """Success and SPL on homes that were never trained on, actions drawn."""
+        point: dict[str, float] = {}
+        for step_m in EVALUATION_STEPS_M:
+            episodes = episodes_of(EVALUATION_HOMES, self.training.evaluation_episodes, step_m)
+            results = play_learned(net, episodes, deterministic=False)
+            point[f"success_{step_m}"] = float(np.mean([result["is_success"] for result in results]))
+            point[f"spl_{step_m}"] = float(np.mean([result["spl"] for result in results]))
+        return point
+
+    def _finish(self, net: NavigatorNet) -> None:
+        self.progress.cpu_s = self._cpu_before_s + time.process_time()
+        save_policy(net, self.folder / "policy.safetensors")
+        card = {
+            "training": self.training.as_dict(),
+            "processes": self.ranks.world,
+            "cpu_s": round(self.progress.cpu_s),
+            "curve": self.progress.curve,
+            "versions": versions(),
+        }
+        (self.folder / "policy.json").write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
+
+    def _claim_folder(self) -> None:
+        path = self.folder / "settings.json"
+        text = json.dumps(self.training.as_dict(), indent=2) + "\n"
+        if path.exists() and path.read_text(encoding="utf-8") != text:
+            raise ValueError(f"`out` must hold a run with the same settings, got others in {path}")
+        if self.ranks.is_first:
+            path.write_text(text, encoding="utf-8")
+
+    def _logger(self) -> Logger:
+        if not self.ranks.is_first:
+            return Logger(folder=None, output_formats=[])
+        # A start that goes on writes a log of its own: the library's would replace the old one.
+        folder = self.folder / "log" / f"{self.progress.stage}_{self.progress.frames}"
+        return configure(str(folder), ["csv", *_tensorboard()])
+
+    def _bar(self, stage: str, frames: int) -> "tqdm[Any]":
+        return tqdm(
+            total=frames,
+            initial=self.progress.frames,
+            unit="frame",
+            desc=stage,
+            disable=not self.ranks.is_first,
+        )
+
+
+class _Watch(BaseCallback):
+    """Follow the library's learning: the critic's start, progress, evaluations, checkpoints."""
+
+    def __init__(self, run: NavigatorRun, bar: "tqdm[Any]") -> None:
+        super().__init__()
+        self._run, self._bar = run, bar
+
+    def _on_rollout_start(self) -> None:
+        # The update of the last rollout is done here, so this is what a checkpoint should hold.
+        run, frames = self._run, self.model.num_timesteps
+        self._bar.update(frames - self._bar.n)
+        run.after_round(self.model.policy, self.model.policy.optimizer, frames, self.model.logger)
+        self.model.policy.learn_values_only(frames < run.training.reinforcement.value_frames)
+
+    def _on_step(self) -> bool:
+        return True
+
+    def _on_training_end(self) -> None:
+        self._bar.update(self.model.num_timesteps - self._bar.n)
+
+
+def _tensorboard() -> list[str]:
+    """TensorBoard's format where it is installed."""
+    try:
+        import tensorboard  # noqa: F401
+    except ImportError:
+        return []
+    return ["tensorboard"]
+
+
+def _mean(infos: Iterable[dict[str, Any]], key: str) -> float:
+    values = [float(info[key]) for info in infos]
+    return round(float(np.mean(values)), 3) if values else float("nan")

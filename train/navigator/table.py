@@ -1,0 +1,191 @@
+"""Navigators compared on point-goal episodes: `python -m train.navigator --evaluate`."""
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from tqdm import tqdm
+
+from agents.navigators import NAVIGATORS
+from agents.policy_file import load_policy
+from anm_gym.metrics.intervals import mean_interval, wilson_interval
+from train.command import scene_label
+from train.navigator.driven import play_driven
+from train.navigator.episodes import NavigationEpisode, episodes_of, play_learned
+from train.pool import run_jobs
+from train.results import append_row
+from train.table_text import aligned
+
+IMAGE_PX: Final = 64
+"""Rows and columns of everyone's depth image."""
+LEARNED: Final = {"ddppo": "ddppo-plus", "ddppo-plus": "ddppo-plus", "ddppo-star": "ddppo-star"}
+"""Navigators whose episodes are played many at a time, and their weights."""
+ALL: Final = "all"
+"""Stands for all scenes together."""
+KEY: Final = ("navigator", "scene", "seed", "step_m", "draws")
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class NavigationComparison:
+    """What to compare."""
+
+    navigators: Sequence[str]
+    """Names of navigators, or files of trained policies."""
+    scenes: Sequence[str]
+    """Names or paths of scenes."""
+    episodes: int
+    """Episodes of every navigator, spread over the scenes."""
+    step_m: float
+    """Length of a forward step, metres."""
+    deterministic: bool
+    """Whether learned navigators take the likeliest action."""
+    workers: int = 2
+    """Processes."""
+    out: Path = field(default_factory=lambda: Path("runs/navigation"))
+    """Folder of the rows; started again, it goes on."""
+
+    def __post_init__(self) -> None:
+        for name in self.navigators:
+            if name not in NAVIGATORS and not Path(name).exists():
+                known = ", ".join(sorted(NAVIGATORS))
+                raise ValueError(f"unknown navigator {name!r}; choose one of: {known}, or give a file")
+        if self.episodes < 1:
+            raise ValueError(f"`episodes` must be >= 1, got {self.episodes}")
+
+
+@dataclass(frozen=True)
+class Job:
+    """The episodes of one navigator in one scene."""
+
+    navigator: str
+    """Its name, or a file."""
+    deterministic: bool
+    """Whether it takes the likeliest action."""
+    episodes: tuple[NavigationEpisode, ...]
+    """What to play."""
+
+
+def compare_navigators(comparison: NavigationComparison, json_path: Path | None = None) -> list[Row]:
+    """Play what is missing, print the table and write it.
+
+    Args:
+        comparison: What to compare.
+        json_path: Where the table goes as JSON; None for nowhere.
+
+    Returns:
+        The lines of the table: one per navigator and scene, and one per navigator for all scenes.
+    """
+    path = comparison.out / "episodes.jsonl"
+    rows = {_key_of(row): row for row in _read(path)}
+    jobs = [job for job in _jobs(comparison) if any(key not in rows for key in _keys(job))]
+    with tqdm(total=sum(len(job.episodes) for job in jobs), unit="episode") as bar:
+        for job, played in run_jobs(play, jobs, comparison.workers):
+            for row in played:
+                append_row(path, row)
+                rows[_key_of(row)] = row
+            bar.update(len(job.episodes))
+    wanted = [rows[key] for job in _jobs(comparison) for key in _keys(job)]
+    lines = [line for name in comparison.navigators for line in _lines(name, wanted)]
+    print("\n".join(_as_text(lines)))
+    if json_path is not None:
+        json_path.parent.mkdir(parents=True, exist_ok=True)
+        json_path.write_text(json.dumps(lines, indent=2) + "\n", encoding="utf-8")
+    return lines
+
+
+def play(job: Job) -> list[Row]:
+    """Play the episodes of a job."""
+    weights = LEARNED.get(job.navigator, job.navigator)
+    if job.navigator in LEARNED or job.navigator not in NAVIGATORS:
+        results = play_learned(load_policy(weights), job.episodes, deterministic=job.deterministic)
+    else:
+        results = [play_driven(job.navigator, episode, IMAGE_PX) for episode in job.episodes]
+    return [
+        {**dict(zip(KEY, key, strict=True)), **result}
+        for key, result in zip(_keys(job), results, strict=True)
+    ]
+
+
+def summarise(navigator: str, scene: str, rows: Sequence[Row]) -> Row:
+    """One line of the table: means with 95 % confidence intervals."""
+    count = len(rows)
+    successes = sum(bool(row["is_success"]) for row in rows)
+    low, high = wilson_interval(successes, count)
+    line: Row = {
+        "navigator": navigator,
+        "draws": rows[0]["draws"],
+        "scene": scene,
+        "step_m": rows[0]["step_m"],
+        "episodes": count,
+        "success": successes / count,
+        "success_low": low,
+        "success_high": high,
+    }
+    for key in ("spl", "soft_spl", "collisions"):
+        interval = mean_interval([float(row[key]) for row in rows])
+        line |= {key: interval.mean, f"{key}_half_width": interval.half_width if count > 1 else None}
+    return line
+
+
+def _lines(navigator: str, rows: Iterable[Row]) -> list[Row]:
+    own = [row for row in rows if row["navigator"] == navigator]
+    scenes = list(dict.fromkeys(row["scene"] for row in own))
+    lines = [summarise(navigator, name, [row for row in own if row["scene"] == name]) for name in scenes]
+    return [*lines, summarise(navigator, ALL, own)] if len(scenes) > 1 else lines
+
+
+def _as_text(lines: Sequence[Row]) -> list[str]:
+    header = ["navigator", "actions", "scene", "step m", "n", "success", "SPL", "soft SPL", "collisions"]
+    body = [
+        [
+            Path(line["navigator"]).name,
+            line["draws"],
+            line["scene"],
+            f"{line['step_m']:g}",
+            str(line["episodes"]),
+            f"{line['success']:.3f} [{line['success_low']:.3f}, {line['success_high']:.3f}]",
+            *(_estimate(line, key) for key in ("spl", "soft_spl", "collisions")),
+        ]
+        for line in lines
+    ]
+    return aligned(header, body)
+
+
+def _estimate(line: Row, key: str) -> str:
+    half_width = line[f"{key}_half_width"]
+    return f"{line[key]:.3f}" + (f" ± {half_width:.3f}" if half_width is not None else "")
+
+
+def _jobs(comparison: NavigationComparison) -> list[Job]:
+    episodes = episodes_of(comparison.scenes, comparison.episodes, comparison.step_m)
+    by_scene = [tuple(one for one in episodes if one.scene == name) for name in comparison.scenes]
+    return [
+        Job(name, comparison.deterministic, some)
+        for name in comparison.navigators
+        for some in by_scene
+        if some
+    ]
+
+
+def _keys(job: Job) -> list[tuple[Any, ...]]:
+    is_drawn = job.navigator in LEARNED or job.navigator not in NAVIGATORS
+    draws = ("argmax" if job.deterministic else "sampled") if is_drawn else "own"
+    return [(job.navigator, scene_label(one.scene), one.seed, one.step_m, draws) for one in job.episodes]
+
+
+def _key_of(row: Row) -> tuple[Any, ...]:
+    return tuple(row[name] for name in KEY)
+
+
+def _read(path: Path) -> list[Row]:
+    """Rows of an earlier start; a line that was torn is left out."""
+    rows = []
+    for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else []:
+        try:
+            rows.append(json.loads(line))
+        except ValueError:
+            continue
+    return rows
