@@ -4,13 +4,14 @@ The maps belong to the agent's observation, not to its network: GPS, compass and
 draw them, so a small recurrent network need not learn to. Everything is done for many agents at once.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Final, final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.goal_wave import GoalWave, GoalWaveSettings
 from anm_gym.actions import Action
 from anm_gym.geometry import CameraSpec
 
@@ -24,6 +25,10 @@ BLOCKED: Final = np.uint8(8)
 """Bit of a cell at which a forward step was cut short."""
 FLAGS: Final = (FREE, OCCUPIED, VISITED, BLOCKED)
 """All bits."""
+
+
+_NEIGHBOURS: Final = np.array([(x, z) for x in (-1, 0, 1) for z in (-1, 0, 1)], np.float32)
+"""The agent's own cell may be blocked by the wall beside it, so its neighbours are looked at too."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +51,8 @@ class EgoMemorySettings:
     """Cells beyond this range are not marked free, metres: columns of the image lie too far apart."""
     ray_step_m: float = 0.1
     """Distance of the points at which free cells are marked along a ray, metres."""
+    wave: GoalWaveSettings = field(default_factory=GoalWaveSettings)
+    """How the distance to the goal spreads over what is remembered."""
     contact_m: float = 0.15
     """Where the obstacle is taken to be when a step was cut short, metres ahead."""
     short_share: float = 0.5
@@ -69,8 +76,10 @@ class EgoMemory:
         self, num_agents: int, camera: CameraSpec, settings: EgoMemorySettings | None = None
     ) -> None:
         self.settings = settings or EgoMemorySettings()
-        size, scales = self.settings.grid_cells, len(self.settings.cell_m)
-        self._cells = np.zeros((scales, num_agents, size, size), np.uint8)
+        size = self.settings.grid_cells
+        self._edges_m = (*self.settings.cell_m, self.settings.wave.cell_m)
+        self._cells = np.zeros((len(self._edges_m), num_agents, size, size), np.uint8)
+        self._wave = GoalWave(num_agents, self.settings.wave)
         self._position_xz = np.full((num_agents, 2), np.nan, np.float32)
         self._rays = _Rays.of(camera, self.settings)
         self._agents = np.arange(num_agents)
@@ -134,6 +143,39 @@ class EgoMemory:
         side = settings.crop_cells
         return np.stack(crops, axis=1).reshape(-1, len(crops), side, side)
 
+    def waves(
+        self, world_from_camera: NDArray[np.float32], goal_xz: NDArray[np.float32]
+    ) -> NDArray[np.uint8]:
+        """How much nearer to the goal than the agent every cell of its maps is, over what is remembered.
+
+        Args:
+            world_from_camera: (N, 4, 4) float32 poses.
+            goal_xz: (N, 2) float32 goals, metres.
+
+        Returns:
+            (N, scales, rows, columns) uint8; 128 is as near as the agent, 255 nearer by `wave_extent_m`.
+        """
+        position_xz = world_from_camera[:, [0, 2], 3]
+        ahead_xz = -world_from_camera[:, [0, 2], 2]
+        self._spread_waves(position_xz, goal_xz)
+        around = self.settings.wave.cell_m * _NEIGHBOURS
+        own_m = self._wave.at(position_xz[:, None] + around).min(axis=1, keepdims=True)
+        side = self.settings.crop_cells
+        planes = []
+        for scale, offsets in enumerate(self._lattices):
+            nearer_m = own_m - self._wave.at(_to_world(offsets, position_xz, ahead_xz))
+            share = np.clip(nearer_m / wave_extent_m(self.settings, scale), -1.0, 1.0)
+            planes.append(np.rint(127.5 + 127.5 * share).astype(np.uint8))
+        return np.stack(planes, axis=1).reshape(-1, len(planes), side, side)
+
+    def _spread_waves(self, position_xz: NDArray[np.float32], goal_xz: NDArray[np.float32]) -> None:
+        agents = self._wave.due(goal_xz)
+        low = self._wave.low_cells(position_xz[agents])
+        along = np.arange(self.settings.wave.window_cells)
+        columns, rows = ((low[:, axis, None] + along) & (self.settings.grid_cells - 1) for axis in (0, 1))
+        flags = self._cells[-1][agents[:, None, None], rows[:, :, None], columns[:, None, :]]
+        self._wave.spread(agents, low, (flags & (OCCUPIED | BLOCKED)) > 0, goal_xz[agents])
+
     @cached_property
     def _lattices(self) -> tuple[NDArray[np.float32], ...]:
         """(rows * columns, 2) offsets to the right and ahead of each map's cells, metres."""
@@ -163,7 +205,7 @@ class EgoMemory:
         self._mark(agent, _to_world_each(offsets, position_xz[agent], ahead_xz[agent]), FREE)
 
     def _mark(self, agent: NDArray[np.integer], points_xz: NDArray[np.float32], flag: np.uint8) -> None:
-        for scale, cell_m in enumerate(self.settings.cell_m):
+        for scale, cell_m in enumerate(self._edges_m):
             cells = np.floor(points_xz / np.float32(cell_m)).astype(np.int32) & (self.settings.grid_cells - 1)
             self._cells[scale][agent, cells[:, 1], cells[:, 0]] |= flag
 
@@ -206,6 +248,11 @@ def lattice_offsets(settings: EgoMemorySettings, scale: int) -> NDArray[np.float
     ahead = (np.arange(count, 0, -1) - 0.5 - settings.behind_share[scale] * count) * cell_m
     right = (np.arange(count) + 0.5 - 0.5 * count) * cell_m
     return np.stack(np.broadcast_arrays(right[None, :], ahead[:, None]), axis=-1).astype(np.float32)
+
+
+def wave_extent_m(settings: EgoMemorySettings, scale: int) -> float:
+    """Difference of distances at which the wave of a map is cut off, metres."""
+    return 0.6 * settings.crop_cells * settings.cell_m[scale]
 
 
 def spread_pixels(available: int, wanted: int) -> NDArray[np.int64]:

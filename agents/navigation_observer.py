@@ -56,7 +56,7 @@ class NavigationObserver:
             "forward_step_m": ((1,), np.float32),
         }
         if self._memory is not None:
-            shapes["maps"] = (self._memory.crop_shape, np.uint8)
+            shapes["maps"] = shapes["waves"] = (self._memory.crop_shape, np.uint8)
         return shapes
 
     def begin_episode(self, index: int) -> None:
@@ -102,4 +102,14 @@ class NavigationObserver:
             moved = np.where(self._previous == int(Action.MOVE_FORWARD), self._previous, 0)
             self._memory.update(images, world_from_camera, self._sensor_height_m, moved, self._forward_step_m)
             batch["maps"] = self._memory.crops(world_from_camera)
+            batch["waves"] = self._memory.waves(world_from_camera, _goals_of(world_from_camera, pointgoal))
         return batch
+
+
+def _goals_of(world_from_camera: NDArray[np.float32], pointgoal: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(N, 2) floor points of polar goals."""
+    ahead_xz = -world_from_camera[:, [0, 2], 2]
+    left_xz = np.stack([ahead_xz[:, 1], -ahead_xz[:, 0]], axis=1)
+    distance_m, bearing_rad = pointgoal[:, :1], pointgoal[:, 1:]
+    direction = np.cos(bearing_rad) * ahead_xz + np.sin(bearing_rad) * left_xz
+    return np.asarray(world_from_camera[:, [0, 2], 3] + distance_m * direction, np.float32)

@@ -12,6 +12,7 @@ import torch
 from torch import Tensor, nn
 
 from agents.ego_memory import FLAGS, EgoMemorySettings, lattice_offsets
+from agents.goal_wave import GoalWaveSettings
 from agents.resnet import BLOCKS, DepthResNet
 from anm_gym.actions import Action
 
@@ -21,6 +22,9 @@ NUM_PREVIOUS: Final = NUM_ACTIONS + 1
 EMBEDDING: Final = 32
 """Size of the embeddings of goal and previous action (DD-PPO)."""
 GOAL_NUMBERS: Final = 5
+"""Numbers that goal and step length enter the network as."""
+NUM_PLANES: Final = len(FLAGS) + 3
+"""Planes of each map: its flags and three distances to the goal."""
 GOAL_SCALE_M: Final = 10.0
 """Distances are divided by this before they enter the network, metres."""
 State = tuple[Tensor, Tensor]
@@ -53,6 +57,7 @@ class NavigatorNetSettings:
         memory = {
             key: tuple(value) if isinstance(value, list) else value for key, value in values["memory"].items()
         }
+        memory["wave"] = GoalWaveSettings(**memory["wave"])
         return cls(**{**values, "memory": EgoMemorySettings(**memory)})
 
     def as_dict(self) -> dict[str, Any]:
@@ -104,7 +109,7 @@ class NavigatorEncoder(nn.Module):
         Args:
             observation: Of B frames: `depth` (B, 1, H, W) uint8, 255 is 10 m; `goal` (B, 2) float32,
                 metres and radians; `previous_action` (B, 1); `forward_step_m` (B, 1) float32; and with
-                maps `maps` (B, scales, rows, columns) uint8 of flags.
+                maps `maps` (B, scales, rows, columns) uint8 of flags, and `waves` of the same shape.
 
         Returns:
             (B, features) float32.
@@ -126,16 +131,20 @@ class NavigatorEncoder(nn.Module):
             self.previous(observation["previous_action"].long().flatten()),
         ]
         if self.settings.uses_maps:
-            parts += self._encode_maps(observation["maps"].to(torch.uint8), distance_m, bearing_rad)
+            waves = observation["waves"].float() / 127.5 - 1.0
+            parts += self._encode_maps(observation["maps"].to(torch.uint8), waves, distance_m, bearing_rad)
         return torch.cat(parts, dim=1)
 
-    def _encode_maps(self, maps: Tensor, distance_m: Tensor, bearing_rad: Tensor) -> list[Tensor]:
-        """(B, 128) of each map; to its flags come the distance of every cell to the goal, in two ways."""
+    def _encode_maps(
+        self, maps: Tensor, waves: Tensor, distance_m: Tensor, bearing_rad: Tensor
+    ) -> list[Tensor]:
+        """(B, 128) of each map; to its flags come the distances of cells to the goal, straight and not."""
         flags = (maps[:, :, None] & self._flags[:, None, None]) > 0
         goal = torch.stack([-torch.sin(bearing_rad), torch.cos(bearing_rad)], dim=1) * distance_m[:, None]
         apart_m = torch.linalg.vector_norm(self._lattices - goal[:, None, None, None], dim=-1)
         nearer = (distance_m[:, None, None, None] - apart_m) / self._extents[:, None, None]
-        planes = torch.cat([flags.float(), torch.exp(-apart_m)[:, :, None], nearer[:, :, None]], dim=2)
+        distances = torch.stack([torch.exp(-apart_m), nearer, waves], dim=2)
+        planes = torch.cat([flags.float(), distances], dim=2)
         return [layers(planes[:, scale]) for scale, layers in enumerate(self.maps)]
 
 
@@ -267,7 +276,7 @@ def _small_vision(image_px: int) -> nn.Module:
 
 def _map_layers(crop_cells: int) -> nn.Module:
     layers = nn.Sequential(
-        nn.Conv2d(len(FLAGS) + 2, 16, 4, 2),
+        nn.Conv2d(NUM_PLANES, 16, 4, 2),
         nn.ReLU(),
         nn.Conv2d(16, 32, 3, 2),
         nn.ReLU(),
@@ -275,7 +284,7 @@ def _map_layers(crop_cells: int) -> nn.Module:
         nn.ReLU(),
         nn.Flatten(),
     )
-    return _with_linear(layers, (len(FLAGS) + 2, crop_cells, crop_cells), 128)
+    return _with_linear(layers, (NUM_PLANES, crop_cells, crop_cells), 128)
 
 
 def _with_linear(layers: nn.Sequential, shape: tuple[int, int, int], features: int) -> nn.Module:

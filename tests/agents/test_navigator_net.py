@@ -14,6 +14,7 @@ def observation_of(count: int, settings: NavigatorNetSettings, seed: int = 0) ->
     observation = {
         "depth": rng.integers(0, 256, (count, 1, px, px), dtype=np.uint8),
         "maps": rng.integers(0, 16, (count, 2, side, side), dtype=np.uint8),
+        "waves": rng.integers(0, 256, (count, 2, side, side), dtype=np.uint8),
         "goal": np.stack([rng.uniform(0, 9, count), rng.uniform(-3, 3, count)], axis=1).astype(np.float32),
         "previous_action": rng.integers(0, 5, (count, 1), dtype=np.uint8),
         "forward_step_m": np.full((count, 1), 0.065, np.float32),
@@ -49,12 +50,12 @@ def test_network_over_sequences_is_the_network_over_frames() -> None:
     torch.testing.assert_close(whole.logits.reshape(2, 3, 4), torch.stack(logits, dim=1))
 
 
-@pytest.mark.parametrize("key", ["depth", "maps", "goal", "previous_action", "forward_step_m"])
+@pytest.mark.parametrize("key", ["depth", "maps", "waves", "goal", "previous_action", "forward_step_m"])
 def test_every_input_reaches_the_features(key: str) -> None:
     net = NavigatorNet().eval()
     observation = observation_of(2, net.settings)
     before = net.encoder(observation)
-    observation[key] = observation[key] + 1
+    observation[key] = (observation[key] + 1) % 5 if key == "previous_action" else observation[key] + 1
     assert not torch.equal(net.encoder(observation), before)
 
 

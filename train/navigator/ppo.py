@@ -33,7 +33,7 @@ class PpoSettings:
         Wijmans et al., DD-PPO, ICLR 2020, and its published configuration; what differs says so.
     """
 
-    frames: int = 1_800_000
+    frames: int = 900_000
     """Frames of this stage, over all processes."""
     rollout_steps: int = 128
     """Steps of every agent in a rollout."""

@@ -81,6 +81,7 @@ frames = 4 * 6
 observation = {
     "depth": rng.integers(0, 256, (frames, 1, 48, 48), dtype=np.uint8),
     "maps": rng.integers(0, 16, (frames, 2, 20, 20), dtype=np.uint8),
+    "waves": rng.integers(0, 256, (frames, 2, 20, 20), dtype=np.uint8),
     "goal": rng.uniform(0, 3, (frames, 2)).astype(np.float32),
     "previous_action": rng.integers(0, 5, (frames, 1), dtype=np.uint8),
     "forward_step_m": np.full((frames, 1), 0.25, np.float32),
