@@ -32,6 +32,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: Sequence[pytest.
         "slow": (lambda: runs_slow, "slow; run with --slow"),
         "gpu": (_has_cuda, "no CUDA device"),
         "render": (_has_egl, "no off-screen OpenGL (EGL)"),
+        "needs_dask": (lambda: find_spec("distributed") is not None, "no dask: the extra `cluster`"),
+        "needs_submitit": (lambda: find_spec("submitit") is not None, "no submitit: the extra `cluster`"),
     }
     for name, (is_met, reason) in conditions.items():
         marked = [item for item in items if name in item.keywords]

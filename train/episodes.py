@@ -9,10 +9,12 @@ from typing import Any, Final
 import gymnasium as gym
 
 from agents.roster import ROSTER, build_agent, parse_agent
+from anm_gym.errors import SceneError
 from anm_gym.scenes.scene import Scene
+from train.attribution import attribute
 from train.command import episode_name, scene_label
 from train.pictures import write_topdown
-from train.provenance import digest, effective_settings, versions
+from train.provenance import digest, effective_settings, geometry_digest, versions
 from train.recorder import EpisodeRecorder, Progress, SimulatorClock, find_attribute
 from train.results import ROW_FIELDS, Key, Row, row_key
 from train.runner import EpisodeRecord, run_episode
@@ -21,6 +23,11 @@ from train.trajectory import Trajectory
 
 ENV_ID: Final = "anm_gym:ANM/Explore-v0"
 """The environment under every agent."""
+FREE_PROTOCOL: Final = "explore-v0"
+"""Protocol of episodes whose scenes, budget and seeds are chosen freely."""
+
+Start = tuple[float, float, float]
+"""x, z (metres) and heading (radians) of the first pose."""
 
 
 @dataclass(frozen=True)
@@ -45,11 +52,17 @@ class Job:
     """Whether to score the neural map of agents that have one."""
     with_pictures: bool = True
     """Whether to draw the episode."""
+    conditions: str = FREE_PROTOCOL
+    """Name of the protocol, see `train.protocols`."""
+    start: Start | None = None
+    """Where the episode starts; None lets the seed draw it."""
+    geometry: str = ""
+    """Name of the geometry that the start belongs to; empty accepts any."""
 
     @property
     def protocol(self) -> str:
-        """Name of the conditions: environment, and a hash of its arguments if they are not the defaults."""
-        return "explore-v0" + (f"-{digest(self.env_options, 6)}" if self.env_options else "")
+        """Name of the protocol, with a hash of the environment's arguments if they are not the defaults."""
+        return self.conditions + (f"-{digest(self.env_options, 6)}" if self.env_options else "")
 
     @property
     def identity(self) -> Row:
@@ -97,7 +110,7 @@ def split_agent(text: str) -> tuple[str, str]:
         ValueError: If the agent or its preset is unknown.
     """
     name, preset = parse_agent(text)
-    return name, preset if len(ROSTER[name].presets) > 1 else ""
+    return name, "" if ROSTER[name].presets == (preset,) else preset
 
 
 def play(job: Job) -> Row:
@@ -129,19 +142,28 @@ def run_job(job: Job, progress: Progress | None = None) -> Episode:
 
     Returns:
         The episode, with its environment open.
+
+    Raises:
+        SceneError: If the scene is not the one to which the start belongs.
     """
     env = make_env(job.scene, job.steps, job.env_options)
+    geometry = _checked_geometry(job, env)
     agent = build_agent(f"{job.agent}:{job.preset}", env, job.seed)
     recorder = EpisodeRecorder(make_meter(env), agent.policy, progress)
-    record = run_episode(agent.env, agent.policy, job.seed, recorder)
-    trajectory = recorder.trajectory(job.scene, job.seed, job.env_options)
+    record = run_episode(agent.env, agent.policy, job.seed, recorder, job.start)
+    trajectory = recorder.trajectory(job.scene, job.seed, _options_of(job))
     settings = effective_settings(agent.env, agent.policy)
     neural_map = find_attribute(agent.env, "neural_map") if job.with_maps else None
+    limits = find_attribute(agent.env, "limits")
+    failures = attribute(trajectory, limits and limits.arrival_m)
     row = {
         **job.identity,
         "settings_hash": digest(settings),
         "steps_done": record.steps,
         "scene_hash": trajectory.scene_hash,
+        "geometry": geometry,
+        "start": [round(number, 6) for number in trajectory.poses[0].tolist()],
+        "attribution": failures.as_row(),
         **record.scores,
         **trail_scores(recorder.meter, trajectory, job.steps),
         **(map_scores(neural_map, scene_of(env)) if neural_map is not None else {}),
@@ -159,6 +181,21 @@ def scene_of(env: gym.Env) -> Scene:
     scene = env.get_wrapper_attr("scene")
     assert isinstance(scene, Scene)
     return scene
+
+
+def _checked_geometry(job: Job, env: gym.Env) -> str:
+    """Name the scene's geometry, and refuse one to which the job's start does not belong."""
+    geometry = geometry_digest(scene_of(env).mesh)
+    if job.geometry not in {"", geometry}:
+        raise SceneError(
+            f"the geometry of {job.scene} must be {job.geometry}, to which the starts belong, got {geometry}"
+        )
+    return geometry
+
+
+def _options_of(job: Job) -> dict[str, Any]:
+    """Arguments that make the environment of the same episode again."""
+    return job.env_options if job.start is None else {**job.env_options, "start": list(job.start)}
 
 
 def _leave_files(job: Job, episode: Episode) -> Row:

@@ -13,15 +13,19 @@ from typing import Any, Final
 from jsonargparse import ActionYesNo, ArgumentParser
 from tqdm import tqdm
 
+from train.backends import BACKENDS, Backend, run_on
 from train.command import parse_seeds, run_command, scene_label, split_list
+from train.comparison import make_table
 from train.episodes import Job, play, split_agent
-from train.pool import run_jobs
+from train.measures import agent_name
 from train.report import write_report
 from train.results import Row, append_row, finished_keys, read_rows, row_key
-from train.tables import agent_name, format_table, make_table, table_as_json
+from train.table_text import format_table, table_as_json
 
 ROWS_FILE: Final = "rows.jsonl"
 """Name of the rows' file in the run's folder."""
+DEFAULT_BACKEND: Final = Backend()
+"""Two processes here."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +68,7 @@ class Evaluation:
                 scene,
                 seed,
                 self.steps,
-                self.out,
+                self.out.resolve(),
                 self.env_options,
                 self.with_maps,
                 self.with_pictures,
@@ -75,24 +79,45 @@ class Evaluation:
         ]
 
 
-def evaluate(evaluation: Evaluation, workers: int = 2, play: Callable[[Job], Row] = play) -> list[Row]:
+def evaluate(
+    evaluation: Evaluation, backend: Backend = DEFAULT_BACKEND, play: Callable[[Job], Row] = play
+) -> list[Row]:
     """Run the episodes that have no row yet and append theirs.
 
     Args:
         evaluation: What to run.
-        workers: Worker processes; 0 stays in this process.
+        backend: Where to play.
         play: Plays one job and returns its row.
 
     Returns:
         The rows of exactly the episodes asked for, in their order.
     """
-    path = evaluation.out / ROWS_FILE
-    jobs = evaluation.jobs()
+    return play_missing(evaluation.jobs(), evaluation.out, backend, play)
+
+
+def play_missing(
+    jobs: Sequence[Job],
+    out: Path,
+    backend: Backend = DEFAULT_BACKEND,
+    play: Callable[[Job], Row] = play,
+) -> list[Row]:
+    """Play the jobs that have no row in a run's folder yet and append theirs.
+
+    Args:
+        jobs: The episodes.
+        out: The run's folder.
+        backend: Where to play.
+        play: Plays one job and returns its row.
+
+    Returns:
+        The rows of exactly these jobs, in their order.
+    """
+    path = out / ROWS_FILE
     finished = finished_keys(read_rows(path))
     missing = [job for job in jobs if job.key not in finished]
     bar = tqdm(total=len(jobs), initial=len(jobs) - len(missing), unit="episode", smoothing=0.1)
     with bar:
-        for job, row in run_jobs(play, missing, workers):
+        for job, row in run_on(backend, play, missing):
             append_row(path, row)
             bar.set_postfix_str(f"{job.name}: {_outcome(row)}")
             bar.update()
@@ -113,13 +138,26 @@ def main(arguments: Sequence[str] | None = None) -> None:
         with_pictures=options.pictures,
     )
     write_settings(evaluation)
-    rows = evaluate(evaluation, options.workers)
+    rows = evaluate(evaluation, backend_of(options, evaluation.out))
     table = make_table(rows)
     print(format_table(table))
     if options.json:
         Path(options.json).write_text(json.dumps(table_as_json(table), indent=2) + "\n", encoding="utf-8")
     print(f"report: {write_report(evaluation.out, rows, evaluation.out.name)}")
-    _report_failures(rows)
+    report_failures(rows)
+
+
+def add_backend_options(parser: ArgumentParser) -> None:
+    """Let a command choose where its episodes are played."""
+    add = parser.add_argument
+    add("--workers", type=int, default=2, help="processes, one thread each; 0 stays in this process")
+    add("--backend", choices=BACKENDS, default="loky", help="processes here, a dask cluster, or Slurm")
+    add("--backend-options", type=dict | None, default=None, help="options of dask's client or of submitit")
+
+
+def backend_of(options: Any, out: Path) -> Backend:
+    """Read what `add_backend_options` added."""
+    return Backend(options.backend, options.workers, options.backend_options or {}, out.resolve() / "slurm")
 
 
 def write_settings(evaluation: Evaluation) -> None:
@@ -134,7 +172,7 @@ def _rows_of(jobs: Iterable[Job], rows: Iterable[Row]) -> list[Row]:
     return [by_key[job.key] for job in jobs if job.key in by_key]
 
 
-def _report_failures(rows: Iterable[Row]) -> None:
+def report_failures(rows: Iterable[Row]) -> None:
     """Name the episodes that raised; exit code 1 if there are any."""
     failed = [row for row in rows if row.get("error")]
     for row in failed:
@@ -156,7 +194,7 @@ def _parser() -> ArgumentParser:
     add("--scenes", nargs="+", default=["home:flat:1"], help="meshes, floor plans or procedural names")
     add("--seeds", nargs="+", default=["3"], help="a count, or the seeds themselves: 0,1,2")
     add("--steps", type=int, default=1000, help="budget of an episode")
-    add("--workers", type=int, default=2, help="processes, one thread each; 0 stays in this process")
+    add_backend_options(parser)
     add("--out", default="runs/evaluation", help="folder of the run; started again, it goes on")
     add("--env", type=dict | None, default=None, help="arguments of the environment, such as a camera")
     add("--maps", action=ActionYesNo(yes_prefix="", no_prefix="no-"), default=True, help="score neural maps")

@@ -1,6 +1,7 @@
-"""Draw the figures of Active Neural Mapping from an episode of our own.
+"""Draw the figures of Active Neural Mapping from an episode of our own, or from the rows of a table.
 
-Command: ``python -m train.figures fig4 --scene home:flat:1``; ``all`` draws every figure from one episode.
+Command: ``python -m train.figures fig4 --scene home:flat:1``; ``all`` draws every figure of one episode,
+``fig5`` the curves of all agents.
 """
 
 import json
@@ -45,6 +46,8 @@ FIGURES: Final[dict[str, MakeTrace]] = {
 }
 """Every figure by its name in the paper."""
 ALL: Final = "all"
+CURVES: Final = "fig5"
+"""The figure that is drawn from the rows of a table."""
 
 
 @dataclass(frozen=True)
@@ -141,6 +144,11 @@ def play(request: Request, traces: Sequence[Trace]) -> tuple[Moment, dict[str, A
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command."""
     options = _parser().parse_args(arguments)
+    json_path = None if options.json is None else Path(options.json)
+    if options.figure == CURVES:
+        drawn = draw_curves(Path(options.out), options.run, json_path, is_quick=options.quick)
+        print(f"{drawn.name}: {drawn.picture}, numbers in {drawn.numbers}")
+        return
     request = Request(
         names=tuple(FIGURES) if options.figure == ALL else (options.figure,),
         scene=options.scene,
@@ -150,7 +158,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         out=Path(options.out),
         env_options=options.env or {},
     )
-    results = draw_figures(request, None if options.json is None else Path(options.json))
+    results = draw_figures(request, json_path)
     for result in results:
         if result.picture is not None:
             print(f"{result.name}: {result.picture}, numbers in {result.numbers}")
@@ -160,6 +168,36 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.exit(2)
 
 
+def draw_curves(out: Path, run: str | None, json_path: Path | None, *, is_quick: bool) -> Drawn:
+    """Draw the completion curves of all agents of a table.
+
+    Args:
+        out: Folder of the picture.
+        run: Folder of the table's rows; None for that of ``train.tables table1``.
+        json_path: Where the numbers go, instead of beside the picture.
+        is_quick: Whether to play the quick table first, where it has not been.
+
+    Raises:
+        FileNotFoundError: If there are no rows.
+    """
+    from train.figure_curves import gather_curves
+    from train.tables import play_command
+
+    folder = Path(run or Path("runs") / "table1" / ("open-homes-quick" if is_quick else "open-homes"))
+    if is_quick:
+        play_command(["table1", "--quick", "--out", str(folder)])
+    curves = gather_curves(folder)
+    picture = curves.draw(out / f"{CURVES}_{curves.protocol}.png")
+    numbers = json_path or picture.with_suffix(".json")
+    return Drawn(CURVES, picture, _write_numbers(numbers, curves.numbers()))
+
+
+def _write_numbers(path: Path, numbers: Numbers) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(plain(numbers), allow_nan=False) + "\n", encoding="utf-8")
+    return path
+
+
 def _draw_one(trace: Trace, last: Moment, picture: Path, head: Numbers, json_path: Path | None) -> Drawn:
     name = head["figure"]
     try:
@@ -167,10 +205,7 @@ def _draw_one(trace: Trace, last: Moment, picture: Path, head: Numbers, json_pat
     except AnmError as error:
         return Drawn(name, None, None, f"{type(error).__name__}: {error}")
     numbers = json_path or picture.with_suffix(".json")
-    numbers.parent.mkdir(parents=True, exist_ok=True)
-    numbers.write_text(
-        json.dumps(plain(head | {"data": drawing.numbers()}), allow_nan=False) + "\n", encoding="utf-8"
-    )
+    _write_numbers(numbers, head | {"data": drawing.numbers()})
     return Drawn(name, drawing.draw(picture), numbers)
 
 
@@ -201,7 +236,7 @@ def _head(request: Request, name: str, last: Moment, settings: dict[str, Any]) -
 def _parser() -> ArgumentParser:
     parser = ArgumentParser(prog="python -m train.figures", description=__doc__.splitlines()[0])
     add = parser.add_argument
-    add("figure", choices=[*FIGURES, ALL], help="which figure; 'all' draws every one from one episode")
+    add("figure", choices=[*FIGURES, CURVES, ALL], help="which figure; 'all' draws every one of one episode")
     add("--scene", default="home:flat:1", help="a mesh, a floor plan or a procedural name")
     add("--preset", default="best", help="preset of the agent anm: best, fast, paper or released")
     add("--steps", type=int, default=300, help="budget of the episode")
@@ -209,7 +244,8 @@ def _parser() -> ArgumentParser:
     add("--out", default="runs/figures", help="folder of the pictures and of their numbers")
     add("--json", default=None, help="where the numbers of a single figure go")
     add("--env", type=dict | None, default=None, help="arguments of the environment, such as a camera")
-    add("--quick", action="store_true", help=f"only {QUICK_STEPS} steps")
+    add("--run", default=None, help=f"for {CURVES}: folder of a table's rows; runs/table1/open-homes")
+    add("--quick", action="store_true", help=f"only {QUICK_STEPS} steps; for {CURVES} the quick table")
     return parser
 
 

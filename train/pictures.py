@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from anm_gym.geometry import camera_pose, forward_xz
 from anm_gym.sim.grid import GridFrame
 from anm_gym.sim.simulator import Simulator
+from train.attribution import AttributionSettings, stuck_steps
 from train.recorder import find_attribute
 from train.trajectory import Trajectory
 
@@ -25,6 +26,7 @@ FLOOR: Final = (255, 255, 255)
 OUTSIDE: Final = (240, 240, 238)
 START: Final = (213, 94, 0)
 INK: Final = (60, 60, 60)
+FAILURE: Final = (220, 38, 38)
 
 _LONG_SIDE_PX: Final = 1000
 _FOOTER_PX: Final = 46
@@ -60,6 +62,13 @@ class FloorPicture:
         cv2.circle(self.image, center, radius + edge, ring, -1, cv2.LINE_AA, _SUBPIXEL_BITS)
         cv2.circle(self.image, center, radius, tuple(map(int, color)), -1, cv2.LINE_AA, _SUBPIXEL_BITS)
 
+    def cross(self, point_xz: NDArray[np.float64], radius_m: float, color: Any) -> None:
+        """Draw a diagonal cross."""
+        corners = [radius_m * np.array(corner) for corner in ((-1, -1), (1, 1), (-1, 1), (1, -1))]
+        a, b, c, d = self._pixels(point_xz + np.array(corners))
+        for start, end in ((a, b), (c, d)):
+            cv2.line(self.image, start, end, color, 3, cv2.LINE_AA, _SUBPIXEL_BITS)
+
     def arrow(self, point_xz: NDArray[np.float64], heading_rad: float, color: Any) -> None:
         """Draw the agent as a triangle that points along its heading."""
         ahead = forward_xz(heading_rad)
@@ -77,6 +86,8 @@ class FloorPicture:
 def write_topdown(path: Path, env: gym.Env, trajectory: Trajectory) -> Path:
     """Draw the storey from above with what is known of its floor, the trail and the goals over time.
 
+    Red are discs where the agent was stuck and crosses where goals were given up.
+
     Args:
         path: Where the PNG goes.
         env: The agent's environment at the end of the episode; its `occupancy` is drawn if it has one.
@@ -91,6 +102,10 @@ def write_topdown(path: Path, env: gym.Env, trajectory: Trajectory) -> Path:
     picture.trail(trajectory.poses[:, :2], time_colors(np.arange(num_steps), num_steps))
     for goal, color in zip(trajectory.goals, time_colors(trajectory.goals[:, 2], num_steps), strict=True):
         picture.disc(goal[:2], 0.07, color, INK)
+    for failure in trajectory.failures:
+        picture.cross(failure[:2], 0.1, FAILURE)
+    for place in _stuck_places(trajectory):
+        picture.disc(place, 0.08, FAILURE)
     picture.disc(trajectory.poses[0, :2], 0.12, START)
     picture.arrow(trajectory.poses[-1, :2], trajectory.poses[-1, 2], START)
     image = _crop_outside(picture.image, 12)
@@ -152,6 +167,14 @@ def _floor_colors(simulator: Simulator, occupancy: Any) -> Image:
         colors[tuple(cells[free].T)] = FLOOR
     colors[grid.occupied] = WALL
     return colors
+
+
+def _stuck_places(trajectory: Trajectory) -> NDArray[np.float64]:
+    """(N, 2) where the agent was stuck, each place once."""
+    if "collisions" not in trajectory.curves:
+        return np.zeros((0, 2))
+    is_stuck = stuck_steps(trajectory, AttributionSettings())
+    return np.unique(trajectory.poses[:-1, :2][is_stuck].round(1), axis=0)
 
 
 def _crop_outside(image: Image, margin_px: int) -> Image:

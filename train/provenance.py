@@ -10,15 +10,22 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any, Final
 
 import gymnasium as gym
+import numpy as np
 
+from anm_gym.mesh import TriangleMesh
 from train.recorder import env_layers
 
 PACKAGES: Final = ("anm-gym", "gymnasium", "numpy", "scipy", "torch", "embreex")
 """Packages whose version can change a number."""
 
+_GRID_SHIFT: Final = 0.3183
 _NOT_SETTINGS: Final = frozenset(
-    {"env", "seed", "scene", "disable_env_checker", "order_enforce", "render_mode"}
+    {
+        *("env", "seed", "scene", "root", "max_episode_steps"),
+        *("disable_env_checker", "order_enforce", "render_mode"),
+    }
 )
+"""What rows name apart, what belongs to one machine, and what changes no number."""
 
 
 def digest(value: Any, digits: int = 12) -> str:
@@ -42,6 +49,18 @@ def effective_settings(env: gym.Env, policy: Any) -> dict[str, Any]:
         result[type(layer).__name__] = _settings_of(layer)
     result[type(policy).__name__] = _settings_of(policy)
     return {name: settings for name, settings in result.items() if settings}
+
+
+def geometry_digest(mesh: TriangleMesh) -> str:
+    """Name a mesh to the millimetre, so that processors that round differently agree.
+
+    The grid of a millimetre is shifted: the coordinates of generated homes are round numbers, and would
+    lie where it divides.
+    """
+    cells = np.floor(1000.0 * mesh.vertices + _GRID_SHIFT).astype(np.int64)
+    hashed = hashlib.sha256(np.ascontiguousarray(cells).tobytes())
+    hashed.update(np.ascontiguousarray(mesh.faces, np.int64).tobytes())
+    return hashed.hexdigest()[:16]
 
 
 @cache

@@ -1,11 +1,12 @@
 """The recorder that scores an episode: completion from the depth frames, the trail, compute by module."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from numpy.typing import NDArray
 
 from anm_gym.metrics.completion import CompletionMeter
 from anm_gym.stopwatch import Stopwatch
@@ -56,6 +57,26 @@ def find_attribute(env: gym.Env, name: str) -> Any:
     return env.get_wrapper_attr(name) if env.has_wrapper_attr(name) else None
 
 
+class GoalLog:
+    """What was added to a growing list of goals, and when."""
+
+    def __init__(self) -> None:
+        """Begin with nothing."""
+        self.reasons: list[str] = []
+        self._places: list[tuple[float, float, int]] = []
+
+    def extend(self, goals: Sequence[Any], step: int) -> None:
+        """Take note of the goals that were added to the list since the last call."""
+        for goal in goals[len(self._places) :]:
+            x, z = goal.position_xz
+            self._places.append((float(x), float(z), step))
+            self.reasons.append(str(getattr(goal, "reason", "")))
+
+    def places(self) -> NDArray[np.float64]:
+        """(G, 3) x, z (metres) and step of each goal."""
+        return np.array(self._places, np.float64).reshape(-1, 3)
+
+
 class EpisodeRecorder(Recorder):
     """Feed every depth frame to a completion meter and keep the trail, the goals and the CPU time.
 
@@ -75,7 +96,8 @@ class EpisodeRecorder(Recorder):
         self._progress = progress or _show_nothing
         self._actions: list[int] = []
         self._collisions: list[int] = []
-        self._goals: list[tuple[float, float, int]] = []
+        self._goals = GoalLog()
+        self._failures = GoalLog()
         self._cpu_s = 0.0
         self._mark_s = time.process_time()
 
@@ -114,18 +136,25 @@ class EpisodeRecorder(Recorder):
             "comp_pct": np.asarray(self.meter.curve_pct, np.float64),
             "collisions": np.array(self._collisions, np.float64),
         }
-        goals = np.array(self._goals, np.float64).reshape(-1, 3)
-        actions = np.array(self._actions, np.int8)
-        scene_hash = self._env.get_wrapper_attr("scene").mesh.content_hash
-        return Trajectory(scene, seed, actions, poses, env_options, goals, curves, scene_hash)
+        return Trajectory(
+            scene,
+            seed,
+            np.array(self._actions, np.int8),
+            poses,
+            env_options,
+            self._goals.places(),
+            curves,
+            self._env.get_wrapper_attr("scene").mesh.content_hash,
+            tuple(self._goals.reasons),
+            self._failures.places(),
+            tuple(self._failures.reasons),
+        )
 
     def _take(self, observation: Any, info: dict[str, Any]) -> None:
         self._cpu_s += time.process_time() - self._mark_s
         self._collisions.append(int(info["collisions"]))
-        goals = find_attribute(self._env, "goals") or []
-        for goal in goals[len(self._goals) :]:
-            x, z = goal.position_xz
-            self._goals.append((float(x), float(z), len(self._actions)))
+        self._goals.extend(find_attribute(self._env, "goals") or [], len(self._actions))
+        self._failures.extend(find_attribute(self._env, "failures") or [], len(self._actions))
         self.meter.observe(observation["depth"], self._camera, observation["world_from_camera"])
         self._mark_s = time.process_time()
 

@@ -9,29 +9,31 @@ from typing import Any
 import numpy as np
 
 from train import html
+from train.attribution_report import attribution_body
+from train.comparison import (
+    AgentLine,
+    Table,
+    estimate,
+    group_by_agent,
+    make_table,
+    mean_reliability,
+    paired_differences,
+    with_oracle_share,
+)
 from train.html import Cell, Section
-from train.plots import Curve, completion_figure, reliability_figure
-from train.results import Row
-from train.tables import (
+from train.measures import (
+    ATTRIBUTION_MEASURES,
     CALIBRATION_MEASURES,
     MEASURES,
     OFFICIAL_MEASURES,
     ORACLE,
-    AgentLine,
     Measure,
-    Table,
     agent_name,
-    columns_of,
-    estimate,
-    format_estimate,
-    group_by_agent,
-    make_table,
-    mean_reliability,
-    notes,
-    paired_differences,
     value_of,
-    with_oracle_share,
 )
+from train.plots import Curve, completion_figure, reliability_figure
+from train.results import Row
+from train.table_text import columns_of, format_estimate, notes
 from train.trajectory import Trajectory
 
 
@@ -47,25 +49,26 @@ def write_report(out: Path, rows: Sequence[Row], title: str) -> Path:
         Path of the page.
 
     Raises:
-        ValueError: If the rows cannot be compared, see `train.tables.make_table`.
+        ValueError: If the rows cannot be compared, see `train.comparison.make_table`.
     """
     table = make_table(rows)
     good = [row for row in with_oracle_share(rows) if not row.get("error")]
     steps, metres = load_curves(out, good)
     curves = completion_figure(steps, metres, table.steps, out / "curves.png") if good else out / "none"
     sections = [
-        Section("Comparison", _comparison(table.lines, columns_of(table)) + _table_notes(table)),
+        Section("Comparison", _measured(table, MEASURES) + _table_notes(table)),
         Section("Paired differences", _differences(table, good)),
         Section("Completion", html.image(curves, "Completion ratio over steps and over metres travelled.")),
         Section("By scene", _by_scene(good)),
-        Section("As the released evaluation measures", _comparison(table.lines, _official(table))),
+        Section("As the released evaluation measures", _measured(table, OFFICIAL_MEASURES)),
         Section("CPU time", _compute(good)),
         Section("Calibration of the map's uncertainty", _calibration(out, table, good)),
-        Section("Episodes", _episodes(rows) + _thumbnails(out, good)),
+        Section("Failure attribution", attribution_body(out, good, _measured(table, ATTRIBUTION_MEASURES))),
+        Section("Episodes", _episodes(rows)),
         Section("Failures", _failures(rows)),
         Section("Provenance", _provenance(table, rows)),
     ]
-    subtitle = f"protocol {table.protocol}, {table.steps} steps, {len(good)} episodes"
+    subtitle = f"protocol {table.protocol}, {table.budget}, {len(good)} episodes"
     return html.write_page(out / "report.html", html.page(title, subtitle, [s for s in sections if s.body]))
 
 
@@ -93,6 +96,10 @@ def _comparison(lines: Sequence[AgentLine], measures: Sequence[Measure]) -> str:
     return html.table(headings, [_agent_cells(line, measures, best) for line in lines])
 
 
+def _measured(table: Table, measures: Sequence[Measure]) -> str:
+    return _comparison(table.lines, columns_of(table, measures))
+
+
 def _agent_cells(line: AgentLine, measures: Sequence[Measure], best: Mapping[str, float]) -> list[Cell]:
     cells = [Cell(line.name), Cell(str(line.episodes), line.episodes)]
     for measure in measures:
@@ -110,10 +117,6 @@ def _best(lines: Sequence[AgentLine], measure: Measure) -> float:
     if measure.is_better_high is None or len(means) < 2:
         return math.nan
     return max(means) if measure.is_better_high else min(means)
-
-
-def _official(table: Table) -> list[Measure]:
-    return [measure for measure in columns_of(table, with_official=True) if measure in OFFICIAL_MEASURES]
 
 
 def _table_notes(table: Table) -> str:
@@ -201,20 +204,6 @@ def _episodes(rows: Sequence[Row]) -> str:
         cells += [_number([value_of(row, measure.key)], measure.digits) for measure in measures]
         body.append([*cells, _number([value_of(row, "wall_s")], 0)])
     return html.table(headings, body)
-
-
-def _thumbnails(out: Path, rows: Sequence[Row]) -> str:
-    images = [
-        html.image(out / picture, _caption(row))
-        for row in rows
-        for picture in (row.get("pictures") or {}).values()
-    ]
-    return html.gallery(images) if any(images) else ""
-
-
-def _caption(row: Row) -> str:
-    name = agent_name(row["agent"], row["preset"])
-    return f"{name}, {row['scene']}, seed {row['seed']}: {value_of(row, 'comp_pct'):.1f} %"
 
 
 def _failures(rows: Sequence[Row]) -> str:

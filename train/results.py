@@ -1,6 +1,6 @@
 """Result rows: one JSON line per episode, appended as it ends, read back after any interruption.
 
-The tables made of the rows are in `train.tables`; this module knows the file only.
+The tables made of the rows are in `train.comparison`; this module knows the file only.
 """
 
 import json
@@ -14,13 +14,14 @@ Row = dict[str, Any]
 Key = tuple[Any, ...]
 
 KEY_FIELDS: Final = ("agent", "preset", "scene", "seed", "protocol", "steps")
-"""The fields that name an episode. The settings' hash is checked apart, see `check_settings`."""
+"""The fields that name an episode. The settings' hash is checked apart, by `train.comparison`."""
 
 ROW_FIELDS: Final = (
     *("agent", "scene", "seed", "protocol", "preset", "settings_hash", "steps"),
     *("comp_pct", "comp_cm", "comp_auc", "mad_cm", "fpr_pct", "path_m", "collisions", "cpu_ms"),
     *("comp_pct_official", "comp_cm_official", "mad_cm_official", "fpr_pct_official"),
     *("mad_seen_cm", "free_err_cm", "sign_err_pct", "auroc_seen", "auroc_false", "ause", "reliability"),
+    *("geometry", "start", "attribution"),
 )
 """The fields that every row has; a measure that does not exist (a map's, without a map) is null."""
 
@@ -48,6 +49,14 @@ def append_row(path: Path, row: Mapping[str, Any]) -> None:
         file.write(line.encode())
         file.flush()
         os.fsync(file.fileno())
+
+
+def write_json(path: Path, value: Any) -> Path:
+    """Write plain values as indented JSON; not-a-number and infinities become null, paths their names."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    text = json.dumps(_plain(value), indent=2, allow_nan=False, default=str)
+    path.write_text(text + "\n", encoding="utf-8")
+    return path
 
 
 def read_rows(path: Path) -> list[Row]:

@@ -52,14 +52,21 @@ class EpisodeRecord:
 NO_RECORDER: Final = Recorder()
 
 
-def run_episode(env: gym.Env, policy: Policy, seed: int, recorder: Recorder = NO_RECORDER) -> EpisodeRecord:
-    """Play one episode from the start that `seed` draws to its end.
+def run_episode(
+    env: gym.Env,
+    policy: Policy,
+    seed: int,
+    recorder: Recorder = NO_RECORDER,
+    start: tuple[float, float, float] | None = None,
+) -> EpisodeRecord:
+    """Play one episode to its end, from a given start or the one that `seed` draws.
 
     Args:
         env: An exploration environment with the wrappers that the policy needs, and a step limit.
         policy: Chooses the actions; told of the episode's first step through `episode_start`.
         seed: Seed of `env.reset`: the same seed is the same start for every policy.
         recorder: Listens to every step and makes the scores; by default nothing is recorded.
+        start: x, z (metres) and heading (radians) of the first pose.
 
     Returns:
         The record of the episode.
@@ -67,7 +74,7 @@ def run_episode(env: gym.Env, policy: Policy, seed: int, recorder: Recorder = NO
     Source:
         Active Neural Mapping, Sec. 3: observe, update the map, choose a goal, act.
     """
-    observation, info = env.reset(seed=seed)
+    observation, info = env.reset(seed=seed, options=None if start is None else {"start": start})
     recorder.start(env, observation, info)
     state, steps, total_reward, terminated, truncated = None, 0, 0.0, False, False
     while not (terminated or truncated):

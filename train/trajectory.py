@@ -2,6 +2,7 @@
 
 import json
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -36,6 +37,12 @@ class Trajectory:
     """Named (T + 1,) curves, one value before the first and after each action."""
     scene_hash: str = ""
     """Hash of the scene's geometry; a replay in another geometry is refused."""
+    goal_reasons: Sequence[str] = ()
+    """Why each goal was proposed; empty in files of earlier versions."""
+    failures: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    """(F, 3) x, z (metres) of each goal that was given up and the step at which it was."""
+    failure_reasons: Sequence[str] = ()
+    """Why each of them was given up."""
 
     def __post_init__(self) -> None:
         if len(self.poses) != len(self.actions) + 1:
@@ -52,7 +59,7 @@ class Trajectory:
         """Write an .npz of plain arrays; the file appears whole or not at all."""
         path.parent.mkdir(parents=True, exist_ok=True)
         partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-        names = ("scene", "seed", "env_options", "scene_hash")
+        names = ("scene", "seed", "env_options", "scene_hash", "goal_reasons", "failure_reasons")
         header = {name: getattr(self, name) for name in names}
         curves: dict[str, Any] = {f"curve_{name}": values for name, values in self.curves.items()}
         with partial.open("wb") as file:
@@ -62,6 +69,7 @@ class Trajectory:
                 actions=self.actions,
                 poses=self.poses,
                 goals=self.goals,
+                failures=self.failures,
                 **curves,
             )
         partial.replace(path)
@@ -86,4 +94,5 @@ class Trajectory:
             poses=arrays["poses"],
             goals=arrays["goals"],
             curves=curves,
+            failures=arrays.get("failures", np.zeros((0, 3))),
         )

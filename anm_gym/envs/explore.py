@@ -72,9 +72,9 @@ class ExploreEnv(MeshEnv):
     ## Arguments
     | name | default | meaning |
     |---|---|---|
-    | `scene` | `"home:flat:0"` | path of a mesh or plan, or `home:<tier>:<seed>` |
+    | `scene` | `"home:flat:0"` | path of a mesh or plan, `home:<tier>:<seed>`, or as `gibson:Denmark` |
     | `reward` | `"area"` | `"area"` or `"none"` |
-    | `scene_options` | None | `up_axis`, `unit`, `storey` of a mesh file |
+    | `scene_options` | None | `up_axis`, `unit`, `storey` of a mesh file; `root` of the datasets |
     | `camera` | None | dict of fields of `anm_gym.geometry.CameraSpec` |
     | `forward_step_m` | 0.065 | length of a forward step, metres |
     | `turn_step_deg` | 10 | angle of a turn, degrees |

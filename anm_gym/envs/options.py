@@ -19,9 +19,11 @@ class MeshEnvSettings:
     """Settings that all environments share; plain values, so that an ``EnvSpec`` survives JSON."""
 
     scene: str = DEFAULT_SCENE
-    """Path of a mesh or floor plan, or ``home:<tier>:<seed>``; see `anm_gym.scenes.catalog.make_scene`."""
+    """Path of a mesh or floor plan, ``home:<tier>:<seed>``, or a dataset's scene such as ``gibson:Denmark``;
+    see `anm_gym.scenes.catalog.make_scene`."""
     scene_options: Mapping[str, Any] | None = None
-    """Keywords of `anm_gym.scenes.load.load_scene` for a mesh file: `up_axis`, `unit`, `storey`."""
+    """Keywords of `anm_gym.scenes.load.load_scene` for a mesh file: `up_axis`, `unit`, `storey`; for a
+    dataset's scene also `root`, the folder of datasets."""
     camera: Mapping[str, Any] | None = None
     """Fields of `anm_gym.geometry.CameraSpec` that differ from the paper's camera."""
     forward_step_m: float = FORWARD_STEP_M

@@ -9,6 +9,7 @@ from pathlib import Path
 from anm_gym.errors import AnmError
 from anm_gym.scenes.axes import METRES_PER_UNIT, UP_AXES
 from anm_gym.scenes.catalog import HOME_PREFIX, make_scene
+from anm_gym.scenes.datasets import is_dataset_scene, load_dataset_scene
 from anm_gym.scenes.load import LoadedScene, load_with_record
 from anm_gym.scenes.report import MeshReport, mesh_report
 from anm_gym.scenes.scene import Scene
@@ -32,7 +33,9 @@ def _parser() -> argparse.ArgumentParser:
         description="Tell whether a mesh is fit for exploration, and why not.",
     )
     parser.add_argument(
-        "file", help="mesh (.glb .gltf .obj .ply .stl), floor plan (.json) or home:<tier>:<seed>"
+        "file",
+        help="mesh (.glb .gltf .obj .ply .stl), floor plan (.json), home:<tier>:<seed>, or gibson:, mp3d:, "
+        "hm3d: or replica:<scene> under $ANM_SCENES",
     )
     parser.add_argument("--up-axis", choices=UP_AXES, default="auto", help="up axis of a mesh file")
     parser.add_argument("--unit", choices=tuple(METRES_PER_UNIT), default="m", help="unit of a mesh file")
@@ -59,7 +62,8 @@ def _examine(options: argparse.Namespace) -> None:
 def _load(options: argparse.Namespace) -> Scene | LoadedScene:
     if options.file.startswith(HOME_PREFIX) or options.file.lower().endswith(".json"):
         return make_scene(options.file)
-    return load_with_record(options.file, up_axis=options.up_axis, unit=options.unit, storey=options.storey)
+    load = load_dataset_scene if is_dataset_scene(options.file) else load_with_record
+    return load(options.file, up_axis=options.up_axis, unit=options.unit, storey=options.storey)
 
 
 def _write_json(report: MeshReport, path: Path) -> None:

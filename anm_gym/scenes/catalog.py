@@ -1,8 +1,9 @@
-"""One string names any scene: a mesh file, a floor plan, or a procedural home."""
+"""One string names any scene: a mesh file, a dataset's scene, a floor plan, or a procedural home."""
 
 from typing import Any, Final
 
 from anm_gym.errors import BackendError, SceneError
+from anm_gym.scenes.datasets import is_dataset_scene, load_dataset_scene
 from anm_gym.scenes.load import load_scene
 from anm_gym.scenes.procedural.home import make_home
 from anm_gym.scenes.procedural.tiers import TIERS
@@ -16,9 +17,11 @@ def make_scene(spec: str, **options: Any) -> Scene:
     """Make a scene from its name; nothing is cached.
 
     Args:
-        spec: A mesh file (``.glb .gltf .obj .ply .stl``), a floor plan (``.json``), or a procedural
-            home ``"home:<tier>:<seed>"`` with a tier of ``studio``, ``flat``, ``house`` and ``maze``.
-        options: For a mesh file, the keywords of `load_scene`; the others take none.
+        spec: A mesh file (``.glb .gltf .obj .ply .stl``), a floor plan (``.json``), a scene of a dataset
+            such as ``gibson:Denmark``, or a procedural home ``"home:<tier>:<seed>"`` with a tier of
+            ``studio``, ``flat``, ``house`` and ``maze``.
+        options: For a mesh file, the keywords of `load_scene`; for a dataset's scene those of
+            `load_dataset_scene`; the others take none.
 
     Raises:
         TypeError: If an option does not exist for this kind of scene.
@@ -30,6 +33,8 @@ def make_scene(spec: str, **options: Any) -> Scene:
         'home:studio:3'
     """
     name = str(spec)
+    if is_dataset_scene(name):
+        return load_dataset_scene(name, **options).scene
     if not name.startswith(HOME_PREFIX) and not name.lower().endswith(".json"):
         return load_scene(name, **options)
     if options:

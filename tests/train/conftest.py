@@ -61,3 +61,17 @@ class KnownMap(NeuralMap):
 def known_map(box_room):
     """Give `build(error)`: a map of a room of 4 x 3 m, wrong by `error(points)` metres."""
     return lambda *error: KnownMap(box_room(4.0, 3.0, 2.5), *error)
+
+
+@pytest.fixture(scope="session")
+def twin_rooms():
+    """Give two rooms of 3 x 3 m as a raster of heights: x from 0 to 6.2 m, a door 1 m wide at x = 3, z = 1.5 m."""
+    from scipy import ndimage
+
+    from anm_gym.sim.grid import GridFrame
+    from train.twin_world import TwinWorld
+
+    top_m = np.full((32, 62), 1.5, np.float32)
+    top_m[1:-1, 1:30] = top_m[1:-1, 31:61] = top_m[11:21, 30] = 0.0
+    clearance = ndimage.distance_transform_edt(top_m == 0.0)
+    return TwinWorld("two rooms", GridFrame((0.0, 0.0), 0.1, top_m.shape), top_m, clearance > 1.0)

@@ -11,10 +11,12 @@ from pathlib import Path
 
 import pytest
 
+from train.backends import Backend
 from train.evaluate import ROWS_FILE, Evaluation, evaluate, main
 from train.results import append_row, read_rows
 
 ROOT = Path(__file__).parents[2]
+HERE = Backend(workers=0)
 TINY_CAMERA = '{"camera": {"width_px": 32, "height_px": 32}}'
 
 
@@ -41,29 +43,29 @@ def make_evaluation(tmp_path, **changes):
 
 
 def test_every_combination_is_run_once(tmp_path, play, played):
-    rows = evaluate(make_evaluation(tmp_path), workers=0, play=play)
+    rows = evaluate(make_evaluation(tmp_path), backend=HERE, play=play)
     assert len(set(played)) == len(played) == len(rows) == 12
     assert {row["scene"] for row in rows} == {"a", "home:flat:1"}
 
 
 def test_scenes_are_run_one_after_the_other(tmp_path, play, played):
-    evaluate(make_evaluation(tmp_path), workers=0, play=play)
+    evaluate(make_evaluation(tmp_path), backend=HERE, play=play)
     scenes = [key[2] for key in played]
     assert scenes == sorted(scenes)
 
 
 def test_episodes_with_a_row_are_not_run_again(tmp_path, play, played):
-    first = evaluate(make_evaluation(tmp_path, seeds=(0, 1)), workers=0, play=play)
+    first = evaluate(make_evaluation(tmp_path, seeds=(0, 1)), backend=HERE, play=play)
     played.clear()
-    rows = evaluate(make_evaluation(tmp_path, seeds=(0, 1, 2)), workers=0, play=play)
+    rows = evaluate(make_evaluation(tmp_path, seeds=(0, 1, 2)), backend=HERE, play=play)
     assert {key[3] for key in played} == {2}
     assert [row for row in rows if row["seed"] < 2] == first
 
 
 def test_another_budget_or_camera_is_another_episode(tmp_path, play, played):
-    evaluate(make_evaluation(tmp_path), workers=0, play=play)
-    evaluate(make_evaluation(tmp_path, steps=5), workers=0, play=play)
-    evaluate(make_evaluation(tmp_path, env_options={"camera": {"width_px": 64}}), workers=0, play=play)
+    evaluate(make_evaluation(tmp_path), backend=HERE, play=play)
+    evaluate(make_evaluation(tmp_path, steps=5), backend=HERE, play=play)
+    evaluate(make_evaluation(tmp_path, env_options={"camera": {"width_px": 64}}), backend=HERE, play=play)
     assert len(set(played)) == 36
 
 
@@ -74,7 +76,7 @@ def test_torn_row_and_failed_episode_are_run_again(tmp_path, play, played):
     append_row(tmp_path / ROWS_FILE, bad.identity | {"error": "MapError: no"})
     with (tmp_path / ROWS_FILE).open("a") as file:
         file.write(json.dumps(torn.identity)[:-3])
-    rows = evaluate(evaluation, workers=0, play=play)
+    rows = evaluate(evaluation, backend=HERE, play=play)
     assert played == [bad.key, torn.key]
     assert [row["comp_pct"] for row in rows] == [1.0, 10.0, 20.0]
 
@@ -86,13 +88,14 @@ def test_killed_run_goes_on_where_it_was(tmp_path):
     script.write_text(
         "import sys, time\n"
         "from pathlib import Path\n"
+        "from train.backends import Backend\n"
         "from train.evaluate import Evaluation, evaluate\n"
         "def play(job):\n"
         "    time.sleep(0.4)\n"
         "    return job.identity | {'comp_pct': 1.0, 'run': sys.argv[1]}\n"
         f"run = Evaluation(['random'], ['home:flat:1'], tuple(range(6)), 9, Path({str(tmp_path)!r}))\n"
         "if __name__ == '__main__':\n"
-        "    evaluate(run, workers=1, play=play)\n"
+        "    evaluate(run, backend=Backend(workers=1), play=play)\n"
     )
     command = [sys.executable, str(script)]
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
@@ -154,7 +157,7 @@ def test_number_of_workers_changes_no_row(tmp_path, room_file):
 
 def test_agent_that_fails_does_not_end_the_run(tmp_path):
     evaluation = make_evaluation(tmp_path, agents=["random"], scenes=["none.glb"], seeds=(0,), steps=5)
-    (row,) = evaluate(evaluation, workers=0)
+    (row,) = evaluate(evaluation, backend=HERE)
     assert row["error"].startswith("SceneError: ")
     assert row["comp_pct"] is None
 

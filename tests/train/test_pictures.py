@@ -1,5 +1,7 @@
 """Pictures: what is drawn where."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ from anm_gym.geometry import CameraSpec
 from anm_gym.sim.grid import GridFrame
 from anm_gym.sim.simulator import Simulator
 from train.pictures import (
+    FAILURE,
     FLOOR,
     OUTSIDE,
     START,
@@ -69,6 +72,17 @@ def test_topdown_shows_walls_floor_start_and_trail(tmp_path, simulator, trajecto
     assert all(has_color(image, color) for color in (WALL, FLOOR, START))
     assert has_color(image, time_colors(np.array([4]), 8)[0])
     assert not has_color(image, UNSEEN)
+
+
+def test_failures_are_red(tmp_path, simulator, trajectory):
+    quiet = write_topdown(tmp_path / "quiet.png", SimulatorOnly(simulator), trajectory)
+    given_up = replace(trajectory, failures=np.array([[-1.0, 0.5, 3.0]]))
+    crossed = write_topdown(tmp_path / "crossed.png", SimulatorOnly(simulator), given_up)
+    away, there = [[-1.0, -0.5, 0.0]], [[1.0, 0.5, 0.0]] * 30
+    curves = {"comp_pct": np.zeros(32), "collisions": np.arange(32.0)}
+    stuck = Trajectory("room", 0, np.ones(31, np.int8), np.array([*away, *there, *away]), curves=curves)
+    standing = write_topdown(tmp_path / "stuck.png", SimulatorOnly(simulator), stuck)
+    assert [has_color(read(path), FAILURE) for path in (quiet, crossed, standing)] == [False, True, True]
 
 
 def test_floor_that_the_agent_does_not_know_is_grey(tmp_path, simulator, trajectory):

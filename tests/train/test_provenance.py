@@ -5,7 +5,8 @@ import dataclasses
 import gymnasium as gym
 import numpy as np
 
-from train.provenance import digest, effective_settings, versions
+from anm_gym.mesh import TriangleMesh
+from train.provenance import digest, effective_settings, geometry_digest, versions
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,3 +70,17 @@ def test_real_environments_of_two_scenes_share_a_hash():
     assert len(hashes) == 1
     other = gym.make("anm_gym:ANM/Explore-v0", scene="home:studio:0", turn_step_deg=20.0)
     assert digest(effective_settings(other, Policy())) not in hashes
+
+
+def test_place_of_a_dataset_and_the_budget_are_no_settings():
+    here, there = ({"scene_options": {"root": root, "storey": 1}} for root in ("/a", "/b"))
+    assert digest(here) == digest(there)
+    assert digest({"max_episode_steps": 10}) == digest({"max_episode_steps": 20})
+
+
+def test_geometry_has_one_name_whatever_the_last_bits_are(box_room):
+    room = box_room(4.0, 3.0)
+    rounded = TriangleMesh(np.nextafter(room.vertices, 9.0), room.faces)
+    moved = TriangleMesh(room.vertices + np.array([0.0, 0.002, 0.0]), room.faces)
+    assert geometry_digest(rounded) == geometry_digest(room)
+    assert geometry_digest(moved) != geometry_digest(room)

@@ -43,7 +43,11 @@ class GoalsWrapper(gym.Wrapper):
     @property
     def goals(self):
         count = (len(self.get_wrapper_attr("trajectory")) + 1) // 2
-        return [SimpleNamespace(position_xz=np.array([i, 0.0])) for i in range(count)]
+        return [SimpleNamespace(position_xz=np.array([i, 0.0]), reason="view") for i in range(count)]
+
+    @property
+    def failures(self):
+        return [SimpleNamespace(position_xz=goal.position_xz, reason="no way") for goal in self.goals[1:]]
 
 
 class Meter:
@@ -79,6 +83,9 @@ def test_trajectory_holds_poses_goals_and_curves(recorder):
     np.testing.assert_array_equal(trajectory.curves["comp_pct"], [10, 20, 30, 40, 50])
     np.testing.assert_array_equal(trajectory.curves["collisions"], [0, 0, 1, 1, 2])
     np.testing.assert_array_equal(trajectory.goals, [[0, 0, 0], [1, 0, 2], [2, 0, 4]])
+    assert trajectory.goal_reasons == ("view",) * 3
+    np.testing.assert_array_equal(trajectory.failures, [[1, 0, 2], [2, 0, 4]])
+    assert trajectory.failure_reasons == ("no way",) * 2
     assert (trajectory.scene_hash, trajectory.env_options) == ("abcd", {"rgb": False})
 
 

@@ -1,7 +1,9 @@
 """The report's section on calibration: who is in it, what it says, what old rows leave out."""
 
+import numpy as np
 import pytest
 
+from train.pictures import save_picture
 from train.report import write_report
 
 TITLE = "Calibration of the map&#x27;s uncertainty"
@@ -55,3 +57,44 @@ def test_a_map_without_zero_crossings_has_a_line_but_no_curve(report):
 
 def test_failed_episodes_enter_no_calibration(report):
     assert TITLE not in report([make_row("fbe"), make_map_row(error="MapError: no")])
+
+
+ATTRIBUTION = {
+    "main_cause": "stuck",
+    "stuck_pct": 40.0,
+    "unreachable_pct": None,
+    "oscillation_pct": 0.0,
+    "phantom_pct": None,
+    "rotation_pct": 55.0,
+    "no_gain_pct": 3.0,
+    "goals": None,
+    "goals_failed": 2,
+    "failure_reasons": {"no way": 2},
+}
+
+
+def test_failures_are_shown_with_the_trail(report, tmp_path):
+    save_picture(tmp_path / "trail.png", np.zeros((4, 4, 3), np.uint8))
+    row = make_row(
+        attribution=ATTRIBUTION, pictures={"topdown": "trail.png"}, cpu_ms={"goal": 3.0, "total": 4.0}
+    )
+    section = report([row]).split("Failure attribution")[1].split("</section>")[0]
+    assert "anm, a, seed 0: 50.0 %; stuck 40 %" in section
+    assert section.count("data:image/png;base64,") == 1
+    assert "no way: 2" in section
+    assert "goal 75 %" in section
+    assert "unreachable goals (%)" in section
+
+
+def test_failures_of_an_agent_are_estimated_over_its_episodes(report):
+    rows = [make_row(seed=seed, attribution=ATTRIBUTION | {"stuck_pct": 10.0 * seed}) for seed in (1, 3)]
+    section = report(rows).split("Failure attribution")[1].split("</section>")[0]
+    assert "20.0 ± 127.1" in section
+
+
+def test_earlier_rows_have_pictures_but_no_attribution(report, tmp_path):
+    save_picture(tmp_path / "trail.png", np.zeros((4, 4, 3), np.uint8))
+    text = report([make_row(pictures={"topdown": "trail.png"})])
+    assert "anm, a, seed 0: 50.0 %" in text
+    assert "main cause" not in text.split("Failure attribution")[1].split("<p>")[0]
+    assert "Failure attribution" not in report([make_row()])

@@ -1,131 +1,194 @@
-"""The table: closed forms of mean and interval, worst scene, refusals."""
+"""The paper's tables by one command: who is in them, what they say, what is played again."""
 
 import json
-import math
 
-import numpy as np
 import pytest
 
-from train.tables import (
-    estimate,
-    format_estimate,
-    format_table,
-    make_table,
-    mean_reliability,
-    table_as_json,
-    with_oracle_share,
-)
+from train.backends import Backend
+from train.evaluate import ROWS_FILE
+from train.protocols import Protocol, ProtocolScene
+from train.published import PUBLISHED
+from train.results import append_row, read_rows
+from train.table_result import format_result, make_result, result_as_json
+from train.table_rosters import TABLES, split_known
+from train.table_run import TableRun, play_table
+from train.tables import main, play_command
+
+TINY_CAMERA = '{"camera": {"width_px": 16, "height_px": 16}}'
 
 
-def make_row(agent="fbe", scene="a", seed=0, comp_pct=50.0, **changes):
-    row = {"agent": agent, "preset": "strong", "scene": scene, "seed": seed, "protocol": "explore-v0"}
-    row |= {"steps": 10, "settings_hash": "h1", "comp_pct": comp_pct, "cpu_ms": {"total": 4.0}}
-    return row | changes
+def options_of(room_file, out, *more):
+    """Write the options of a small table in one room."""
+    fixed = ["--protocol=open-scenes", f"--root={room_file.parent}", "--steps=5", "--seeds=2", "--workers=0"]
+    return ["table1", *fixed, "--env", TINY_CAMERA, "--no-pictures", f"--out={out}", *more]
 
 
-def test_interval_of_three_values_matches_the_t_distribution():
-    result = estimate([1.0, 2.0, 3.0])
-    assert result.mean == 2.0
-    assert result.half_width == pytest.approx(4.302652729911275 / math.sqrt(3.0))
+@pytest.fixture(scope="module")
+def written(room_file, tmp_path_factory):
+    out = tmp_path_factory.mktemp("table1")
+    agents = ["--agents", "random", "fbe:paper", "nobody", "--reference", "fbe:paper"]
+    main(options_of(room_file, out, *agents, "--json", str(out / "copy.json")))
+    return out
 
 
-def test_interval_of_two_values_matches_the_t_distribution():
-    assert estimate([0.0, 2.0]).half_width == pytest.approx(12.706204736432095)
+def test_command_writes_table_report_starts_and_settings(written):
+    table = json.loads((written / "table1.json").read_text())
+    assert table == json.loads((written / "copy.json").read_text())
+    assert table["missing"] == ["nobody"]
+    assert table["protocol"].startswith("open-scenes-5-steps-")
+    assert [line["episodes"] for line in table["agents"]] == [2, 2]
+    assert all((written / name).is_file() for name in ("report.html", "starts.json", "settings.json"))
 
 
-def test_single_value_has_no_interval():
-    result = estimate([4.0, math.nan])
-    assert result.count == 1
-    assert math.isnan(result.half_width)
-    assert format_estimate(result, 1) == "4.0"
+def test_every_row_says_under_what_conditions_it_was_played(written):
+    rows = read_rows(written / ROWS_FILE)
+    assert len(rows) == 4
+    for field in ("protocol", "preset", "settings_hash", "geometry", "start"):
+        assert all(row[field] is not None for row in rows)
+    assert len({(row["seed"], *row["start"]) for row in rows}) == 2
 
 
-def test_no_value_is_a_dash():
-    assert estimate([math.nan]) is None
-    assert format_estimate(None, 1) == "–"
+def test_finished_table_is_not_played_again(written, room_file):
+    before = (written / ROWS_FILE).read_bytes()
+    played = play_command(options_of(room_file, written, "--agents", "random", "fbe:paper"))
+    assert (written / ROWS_FILE).read_bytes() == before
+    assert len(played.rows) == 4
 
 
-def test_worst_scene_is_the_one_with_the_lowest_mean():
-    rows = [make_row(scene="a", seed=0, comp_pct=10.0), make_row(scene="a", seed=1, comp_pct=90.0)]
-    rows += [make_row(scene="b", seed=0, comp_pct=40.0), make_row(scene="b", seed=1, comp_pct=44.0)]
-    (line,) = make_table(rows).lines
-    assert (line.worst_scene, line.worst_comp_pct) == ("b", 42.0)
-    assert line.estimates["comp_pct"].mean == 46.0
+def test_table_goes_on_with_what_is_missing(written, room_file, tmp_path):
+    first, *others = read_rows(written / ROWS_FILE)
+    append_row(tmp_path / ROWS_FILE, first | {"comp_pct": 12.5})
+    played = play_command(options_of(room_file, tmp_path, "--agents", "random", "fbe:paper"))
+    assert [row["comp_pct"] for row in played.rows].count(12.5) == 1
+    assert len(played.rows) == 1 + len(others)
 
 
-def test_best_agent_comes_first():
-    table = make_table([make_row("random", comp_pct=30.0), make_row("anm", comp_pct=80.0)])
-    assert [line.name for line in table.lines] == ["anm:strong", "random:strong"]
+def test_keys_do_not_depend_on_who_played(written, room_file, tmp_path):
+    main(options_of(room_file, tmp_path, "--agents", "random", "--seeds", "1"))
+    short, full = (json.loads((path / "table1.json").read_text()) for path in (tmp_path, written))
+    assert short.keys() == full.keys()
+    assert short["agents"][0].keys() == full["agents"][0].keys()
+    assert short["agents"][0]["difference"].keys() == full["agents"][0]["difference"].keys()
 
 
-def test_measure_that_no_agent_has_is_not_a_column():
-    assert "MAD" not in format_table(make_table([make_row(mad_cm=None)]))
-    assert "MAD" in format_table(make_table([make_row(mad_cm=1.25)]))
+def make_run(tmp_path, name="anm-gibson", agents=("random", "anm:best")):
+    scenes = (ProtocolScene("gibson:Denmark", 1000), ProtocolScene("gibson:Cantwell", 2000))
+    return TableRun(agents, Protocol(name, name, scenes), (0, 1), tmp_path)
 
 
-def test_calibration_is_estimated_but_no_column_of_the_comparison():
-    table = make_table([make_row(auroc_seen=0.9), make_row(seed=1, auroc_seen=0.7)])
-    assert table.lines[0].estimates["auroc_seen"].mean == pytest.approx(0.8)
-    assert "AUROC" not in format_table(table)
+def make_rows(run, values):
+    """Make rows whose completion is that of the agent, plus ten in the second scene, plus the seed."""
+    rows = []
+    for agent, value in values.items():
+        name, _, preset = agent.partition(":")
+        for index, scene in enumerate(run.protocol.scenes):
+            for seed in run.seeds:
+                comp_pct = value + 10.0 * index + seed
+                row = {"agent": name, "preset": preset, "scene": scene.label, "seed": seed}
+                row |= {"protocol": run.protocol.name, "steps": scene.steps, "settings_hash": name}
+                row |= {"comp_pct": comp_pct, "comp_pct_official": comp_pct - 1.0}
+                rows.append(row | {"cpu_ms": {"total": 2.0}})
+    return rows
 
 
-def test_reliability_is_averaged_bin_by_bin():
-    rows = [make_row(reliability=[[0.1, 0.3, 10], [0.5, 0.0, 10]])]
-    rows += [make_row(reliability=[[0.4, 0.6, 20], [0.5, 0.3, 10]]), make_row(reliability=[[9.0, 9.0, 1]])]
-    rows += [make_row(), make_row(reliability=None), make_row(reliability=[])]
-    expected = [[0.3, math.sqrt((0.09 + 2 * 0.36) / 3)], [0.5, math.sqrt(0.045)]]
-    np.testing.assert_allclose(mean_reliability(rows), expected)
+@pytest.fixture
+def result(tmp_path):
+    run = make_run(tmp_path)
+    rows = make_rows(run, {"random": 20.0, "anm:best": 60.0, "oracle_coverage": 80.0})
+    return make_result("table1", "best", run, rows, ["upen"], "anm:best")
 
 
-def test_rows_without_reliability_have_no_curve():
-    assert mean_reliability([make_row(), make_row(reliability=None)]).shape == (0, 2)
+def test_scenes_may_differ_in_budget(result):
+    assert result.table.steps_by_scene == {"gibson:Denmark": 1000, "gibson:Cantwell": 2000}
+    assert "1000 to 2000 steps by scene" in format_result(result)
 
 
-def test_failed_episodes_enter_no_mean_but_are_counted():
-    table = make_table([make_row(), make_row(seed=1, comp_pct=None, settings_hash=None, error="MapError: x")])
-    assert table.lines[0].estimates["comp_pct"].mean == 50.0
-    assert table.lines[0].failed == 1
-    assert "(+1 failed)" in format_table(table)
+def test_differences_are_taken_start_by_start(result):
+    lines = {line["name"]: line for line in result_as_json(result)["agents"]}
+    difference = lines["random"]["difference"]["comp_pct"]
+    assert difference == {"mean": -40.0, "ci95_half_width": 0.0, "episodes": 4}
+    assert lines["anm:best"]["difference"]["comp_pct"] is None
+    assert lines["anm:best"]["worst_scene"] == {"scene": "gibson:Denmark", "comp_pct": 60.5}
+    assert lines["anm:best"]["by_scene"]["gibson:Cantwell"]["comp_pct"]["mean"] == 70.5
 
 
-@pytest.mark.parametrize("field", ["protocol", "steps", "settings_hash"])
-def test_unlike_rows_of_an_agent_are_refused(field):
-    with pytest.raises(ValueError, match=f"must have one {field}, got"):
-        make_table([make_row(), make_row(seed=1, **{field: "2"})])
+def test_share_of_the_oracle_is_that_of_the_same_start(result):
+    lines = {line["name"]: line for line in result_as_json(result)["agents"]}
+    assert lines["anm:best"]["oracle_share_pct"]["mean"] == pytest.approx(
+        100.0 * (60 / 80 + 61 / 81 + 70 / 90 + 71 / 91) / 4
+    )
 
 
-def test_agents_under_unlike_protocols_are_refused():
-    with pytest.raises(ValueError, match="must have one protocol, got explore-v0, noisy"):
-        make_table([make_row("anm"), make_row("fbe", protocol="noisy")])
+def test_native_and_official_stand_apart_with_the_paper_beside(result):
+    text = format_result(result)
+    native, official, paper, differences, notes = text.split("\n\n")
+    assert "Comp. (%)" in native
+    assert "official" not in native.split("\n", 1)[1].replace("native metrics", "")
+    assert "Comp. official (%)" in official
+    assert "Ours" in paper
+    assert "80.45" in paper
+    assert "paired differences to anm:best" in differences
+    assert "missing, as the roster of agents does not know them: upen" in notes
 
 
-def test_agents_may_differ_in_settings():
-    table = make_table([make_row("anm"), make_row("fbe", settings_hash="h2")])
-    assert {line.settings_hash for line in table.lines} == {"h1", "h2"}
+def test_other_protocols_have_no_published_numbers(tmp_path):
+    run = make_run(tmp_path, "open-homes")
+    result = make_result("table1", "best", run, make_rows(run, {"random": 20.0}), [], "anm:best")
+    assert result_as_json(result)["published"] is None
+    assert result_as_json(result)["reference"] is None
+    assert "as published" not in format_result(result)
 
 
-def test_empty_table_is_refused():
-    with pytest.raises(ValueError, match="`rows` must hold at least one episode, got 0"):
-        make_table([])
+def test_published_columns_are_columns_of_the_table():
+    for name, protocols in PUBLISHED.items():
+        for lines in protocols.values():
+            assert {key for values in lines.values() for key in values} <= set(TABLES[name].official)
+    ours = {protocol: lines["Ours"]["comp_pct_official"] for protocol, lines in PUBLISHED["table1"].items()}
+    assert ours == {"anm-gibson": 80.45, "anm-mp3d": 73.15}
 
 
-def test_oracle_share_compares_the_same_start():
-    rows = [
-        make_row("oracle_coverage", seed=0, comp_pct=80.0),
-        make_row("oracle_coverage", seed=1, comp_pct=40.0),
-    ]
-    rows += [make_row("fbe", seed=0, comp_pct=40.0), make_row("fbe", seed=1, comp_pct=40.0)]
-    rows += [make_row("fbe", seed=2, comp_pct=40.0)]
-    shares = [row.get("oracle_share_pct") for row in with_oracle_share(rows) if row["agent"] == "fbe"]
-    assert shares == [50.0, 100.0, None]
+def test_table_one_has_the_rivals_and_table_two_the_modules():
+    assert TABLES["table1"].agents("fast")[-2:] == ["anm:fast", "oracle_coverage"]
+    assert {"random", "fbe:paper", "upen", "occant"} <= set(TABLES["table1"].agents("best"))
+    assert "anm:paper+dropout" in TABLES["table2"].agents("paper")
+    assert TABLES["table2"].role_of("anm:paper+relu", "paper").startswith("Module 4")
+    assert TABLES["table2"].role_of("fbe", "paper") == ""
 
 
-def test_unequal_episodes_are_pointed_out():
-    table = make_table([make_row("anm"), make_row("fbe"), make_row("fbe", seed=1)])
-    assert not table.is_paired
-    assert "do not have the same scenes and seeds" in format_table(table)
+def test_agents_that_the_roster_does_not_know_are_sorted_out():
+    known, missing = split_known(["random", "nobody", "anm:best+relu", "anm:best+nothing", "fbe:paper"])
+    assert known == ["random", "anm:best+relu", "fbe:paper"]
+    assert missing == ["nobody", "anm:best+nothing"]
 
 
-def test_json_of_the_table_is_plain():
-    text = json.dumps(table_as_json(make_table([make_row()])), allow_nan=False)
-    assert json.loads(text)["agents"][0]["comp_pct"] == {"mean": 50.0, "ci95_half_width": None, "episodes": 1}
+def test_failed_episode_is_listed_and_enters_no_mean(tmp_path):
+    run = make_run(tmp_path)
+    rows = make_rows(run, {"random": 20.0, "anm:best": 60.0})
+    rows[-1] |= {"error": "MapError: no", "comp_pct": None}
+    table = result_as_json(make_result("table1", "best", run, rows, [], "anm:best"))
+    assert [failure["error"] for failure in table["failures"]] == ["MapError: no"]
+    assert {line["name"]: line["failed"] for line in table["agents"]} == {"anm:best": 1, "random": 0}
+    json.dumps(table, allow_nan=False)
+
+
+def test_table_needs_its_scenes(tmp_path, monkeypatch):
+    monkeypatch.setenv("ANM_SCENES", str(tmp_path))
+    with pytest.raises(Exception, match="anm-gibson lacks 2 of 2 scenes"):
+        play_table(make_run(tmp_path), Backend(workers=0))
+
+
+@pytest.mark.parametrize("field", ["agents", "seeds"])
+def test_run_that_names_one_twice_is_refused(tmp_path, field):
+    value = {"agents": ("fbe", "fbe:strong"), "seeds": (1, 1)}[field]
+    given = {"agents": ("random",), "seeds": (0,)} | {field: value}
+    with pytest.raises(ValueError, match=f"`{field}` must name at least one and none twice"):
+        TableRun(given["agents"], make_run(tmp_path).protocol, given["seeds"], tmp_path)
+
+
+@pytest.mark.slow
+def test_quick_table_has_the_keys_of_the_full_one(tmp_path, written, capsys):
+    main(["table1", "--quick", "--agents", "random", "fbe:paper", "--out", str(tmp_path)])
+    quick, full = (json.loads((path / "table1.json").read_text()) for path in (tmp_path, written))
+    assert quick.keys() == full.keys()
+    assert quick["agents"][0].keys() == full["agents"][0].keys()
+    assert "report: " in capsys.readouterr().out

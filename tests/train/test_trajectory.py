@@ -1,5 +1,7 @@
 """Trajectories on the disk."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,14 @@ def make_trajectory(rng):
     poses = rng.normal(size=(5, 3))
     actions = np.array([1, 2, 3, 1], np.int8)
     curves = {"comp_pct": rng.uniform(size=5)}
-    return Trajectory("home:flat:1", 3, actions, poses, {"camera": {"width_px": 64}}, np.ones((2, 3)), curves)
+    failures = {
+        "failures": rng.normal(size=(1, 3)),
+        "failure_reasons": ["no way"],
+        "goal_reasons": ["view"] * 2,
+    }
+    return Trajectory(
+        "home:flat:1", 3, actions, poses, {"camera": {"width_px": 64}}, np.ones((2, 3)), curves, **failures
+    )
 
 
 def test_trajectory_comes_back_bit_for_bit(tmp_path):
@@ -19,9 +28,20 @@ def test_trajectory_comes_back_bit_for_bit(tmp_path):
     saved.save(path)
     loaded = Trajectory.load(path)
     assert (loaded.scene, loaded.seed, loaded.env_options) == (saved.scene, saved.seed, saved.env_options)
-    for name in ("actions", "poses", "goals"):
+    assert (loaded.goal_reasons, loaded.failure_reasons) == (["view", "view"], ["no way"])
+    for name in ("actions", "poses", "goals", "failures"):
         assert getattr(loaded, name).tobytes() == getattr(saved, name).tobytes()
     assert loaded.curves["comp_pct"].tobytes() == saved.curves["comp_pct"].tobytes()
+
+
+def test_file_without_failures_is_read(tmp_path):
+    """Files of earlier versions have none."""
+    header = {"scene": "a", "seed": 0, "env_options": {}, "scene_hash": "h"}
+    arrays = {"actions": np.zeros(1, np.int8), "poses": np.zeros((2, 3)), "goals": np.zeros((0, 3))}
+    np.savez(tmp_path / "old.npz", header=np.array(json.dumps(header)), **arrays)
+    loaded = Trajectory.load(tmp_path / "old.npz")
+    assert loaded.failures.shape == (0, 3)
+    assert len(loaded.goal_reasons) == len(loaded.failure_reasons) == 0
 
 
 def test_path_length_adds_up_moves_and_ignores_turns():

@@ -15,7 +15,7 @@ from anm_gym.wrappers.goal import Goal, GoalLimits, GoalWrapper
 from train.navigator.env import step_limit
 from train.navigator.episodes import RESULTS, NavigationEpisode, make_pointnav
 
-ARRIVAL_M: Final = 0.15
+ARRIVAL_M: Final = 0.18
 """Nearer than this to its goal an agent stops, metres; it succeeds within 0.2 m."""
 MAX_FAILURES: Final = 5
 """Times that a navigator may give the goal up before the episode ends where it is."""

@@ -1,0 +1,160 @@
+"""Backends: the same results from each, and names for what is missing."""
+
+import builtins
+import os
+import shutil
+import sys
+from types import SimpleNamespace
+
+import pytest
+
+from anm_gym.errors import BackendError
+from train.backends import Backend, run_on
+
+
+@pytest.fixture
+def square():
+    """A function made here travels to a worker by value, wherever the tests were started."""
+
+    def play(job):
+        import torch
+
+        return job * job, os.getpid(), torch.get_num_threads()
+
+    return play
+
+
+def results_of(backend, play, jobs):
+    return dict(run_on(backend, play, jobs))
+
+
+@pytest.mark.needs_dask
+def test_dask_plays_every_job_in_a_worker_of_one_thread(square):
+    options = {"processes": False}
+    results = results_of(Backend("dask", 2, options), square, [2, 3, 4])
+    assert {job: value for job, (value, _, _) in results.items()} == {2: 4, 3: 9, 4: 16}
+    assert {threads for _, _, threads in results.values()} == {1}
+
+
+@pytest.mark.slow
+@pytest.mark.needs_dask
+def test_dask_scheduler_of_the_user_is_used(square):
+    import distributed
+
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=2, dashboard_address=None) as cluster:
+        results = results_of(Backend("dask", 2, {"address": cluster.scheduler_address}), square, [5])
+    assert results[5][0] == 25
+    assert results[5][1] != os.getpid()
+
+
+@pytest.mark.needs_dask
+def test_cluster_of_one_thread_is_refused(square):
+    """On such a cluster joblib would play in this process without a word."""
+    with pytest.raises(BackendError, match="must have at least 2 threads, got 1"):
+        results_of(Backend("dask", 1, {"processes": False}), square, [1])
+
+
+@pytest.mark.needs_dask
+def test_silent_scheduler_is_named(square):
+    backend = Backend("dask", 1, {"address": "tcp://127.0.0.1:9", "timeout": 0.5})
+    with pytest.raises(BackendError, match=r"no dask scheduler answers at tcp://127\.0\.0\.1:9"):
+        results_of(backend, square, [1])
+
+
+class Task:
+    """A task of the stand-in for submitit."""
+
+    def __init__(self, play, job):
+        self.play, self.job, self.is_cancelled = play, job, False
+
+    def result(self):
+        return self.play(self.job)
+
+    def done(self):
+        return False
+
+    def cancel(self):
+        self.is_cancelled = True
+
+
+class Executor:
+    """Stands in for submitit's."""
+
+    def __init__(self, folder, cluster):
+        self.folder, self.cluster = folder, cluster
+        Executor.last = self
+
+    def update_parameters(self, **options):
+        self.options = options
+
+    def map_array(self, play, jobs):
+        self.tasks = [Task(play, job) for job in jobs]
+        return self.tasks
+
+
+@pytest.fixture
+def submitit(monkeypatch):
+    helpers = SimpleNamespace(as_completed=lambda tasks, poll_frequency: reversed(tasks))
+    monkeypatch.setitem(sys.modules, "submitit", SimpleNamespace(AutoExecutor=Executor, helpers=helpers))
+
+
+def test_slurm_backend_submits_an_array_and_yields_what_ends_first(submitit, square, tmp_path):
+    backend = Backend("slurm", 3, {"slurm_partition": "cpu"}, tmp_path)
+    assert [job for job, _ in run_on(backend, square, [2, 3])] == [3, 2]
+    assert (Executor.last.cluster, Executor.last.folder) == ("slurm", tmp_path)
+    expected = {"cpus_per_task": 1, "slurm_array_parallelism": 3, "slurm_partition": "cpu"}
+    assert Executor.last.options == expected
+
+
+def test_interrupted_run_cancels_its_tasks(submitit, square, tmp_path):
+    results = run_on(Backend("slurm", folder=tmp_path), square, [2, 3])
+    next(results)
+    results.close()
+    assert all(task.is_cancelled for task in Executor.last.tasks)
+
+
+@pytest.mark.slow
+@pytest.mark.needs_submitit
+def test_slurm_backend_plays_in_processes_of_their_own(square, tmp_path):
+    backend = Backend("slurm", 2, {"cluster": "local", "timeout_min": 1}, tmp_path)
+    results = results_of(backend, square, [2, 3])
+    assert {job: value for job, (value, _, _) in results.items()} == {2: 4, 3: 9}
+    assert os.getpid() not in {pid for _, pid, _ in results.values()}
+
+
+@pytest.mark.needs_submitit
+def test_machine_without_slurm_is_told(square, tmp_path):
+    if shutil.which("srun"):
+        pytest.skip("this machine has Slurm")
+    with pytest.raises(BackendError, match="Slurm must be at hand, got none"):
+        results_of(Backend("slurm", 1, folder=tmp_path), square, [1])
+
+
+@pytest.mark.parametrize(("name", "package"), [("dask", "distributed"), ("slurm", "submitit")])
+def test_missing_package_is_named(name, package, square, monkeypatch):
+    real_import = builtins.__import__
+
+    def without_package(wanted, *rest, **more):
+        if wanted == package:
+            raise ModuleNotFoundError(f"No module named '{package}'", name=package)
+        return real_import(wanted, *rest, **more)
+
+    monkeypatch.setattr(builtins, "__import__", without_package)
+    with pytest.raises(BackendError, match=rf"needs {package}; pip install 'anm-gym\[cluster\]'"):
+        results_of(Backend(name), square, [1])
+
+
+@pytest.mark.parametrize("name", ["loky", "dask", "slurm"])
+def test_no_worker_plays_in_this_process_on_any_backend(name, square):
+    assert results_of(Backend(name, 0), square, [3])[3][1] == os.getpid()
+
+
+def test_no_job_starts_no_cluster(square):
+    assert results_of(Backend("slurm"), square, []) == {}
+
+
+def test_wrong_backend_is_refused():
+    with pytest.raises(ValueError, match="unknown backend 'ray'; choose one of: loky, dask, slurm"):
+        Backend("ray")
+    with pytest.raises(ValueError, match="`options` must be empty for the backend loky, got address"):
+        Backend("loky", options={"address": "x"})

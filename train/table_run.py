@@ -1,0 +1,94 @@
+"""The episodes of a table: agents x scenes x seeds of a protocol, each from its published start."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from train.backends import Backend
+from train.episodes import Job, split_agent
+from train.evaluate import play_missing
+from train.protocols import Protocol
+from train.provenance import versions
+from train.results import Row, write_json
+from train.starts import StartTable, starts_for
+
+QUICK_STEPS: Final = 12
+"""Budget of `--quick`."""
+QUICK_SEEDS: Final = {"table1": (0, 1), "table2": (0,)}
+"""Seeds of `--quick`: two have an interval, but scoring the maps of Table 2 takes too long for two."""
+QUICK_OPTIONS: Final = {"camera": {"width_px": 48, "height_px": 48}}
+"""Arguments of the environment under `--quick`."""
+
+
+@dataclass(frozen=True)
+class TableRun:
+    """What to play for a table.
+
+    Raises:
+        ValueError: If no agent or seed is named, or one twice.
+    """
+
+    agents: Sequence[str]
+    """Agents of the roster."""
+    protocol: Protocol
+    """Scenes and budgets."""
+    seeds: Sequence[int]
+    """One episode per agent, scene and seed."""
+    out: Path
+    """Folder of the rows."""
+    env_options: Mapping[str, Any] = field(default_factory=dict)
+    """Arguments of the environment besides the scene."""
+    with_pictures: bool = True
+    """Whether to draw every episode."""
+    with_maps: bool = True
+    """Whether to score neural maps."""
+
+    def __post_init__(self) -> None:
+        named: dict[str, list[Any]] = {
+            "agents": [split_agent(agent) for agent in self.agents],
+            "seeds": list(self.seeds),
+        }
+        for name, values in named.items():
+            if not values or len(set(values)) != len(values):
+                raise ValueError(f"`{name}` must name at least one and none twice, got {getattr(self, name)}")
+
+    def jobs(self, starts: StartTable) -> list[Job]:
+        """List the episodes, scene by scene, so that a worker keeps a scene it has loaded."""
+        return [
+            Job(
+                *split_agent(agent),
+                scene.name,
+                seed,
+                scene.steps,
+                self.out.resolve(),
+                dict(self.env_options),
+                with_maps=self.with_maps,
+                with_pictures=self.with_pictures,
+                conditions=self.protocol.name,
+                start=starts[scene.label].by_seed[seed],
+                geometry=starts[scene.label].geometry,
+            )
+            for scene in self.protocol.scenes
+            for seed in self.seeds
+            for agent in self.agents
+        ]
+
+
+def play_table(run: TableRun, backend: Backend) -> list[Row]:
+    """Play what has no row yet; the folder also holds the settings and the starts.
+
+    Args:
+        run: What to play.
+        backend: Where.
+
+    Returns:
+        The rows of exactly these episodes.
+
+    Raises:
+        SceneError: If scenes of the protocol are missing.
+    """
+    run.protocol.require_scenes()
+    starts = starts_for(run.protocol, run.seeds, run.out, run.env_options)
+    write_json(run.out / "settings.json", {**asdict(run), "versions": versions()})
+    return play_missing(run.jobs(starts), run.out, backend)
