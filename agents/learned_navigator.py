@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any, Final, final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from agents.learned_policy import LearnedPolicy
 from agents.navigation_observer import NavigationObserver
@@ -27,6 +28,8 @@ class LearnedSettings:
     """Take the likeliest action instead of drawing one."""
     resets_memory: bool = True
     """Forget the LSTM's state at a new goal (the released code never does)."""
+    has_reflexes: bool = True
+    """Whether moves that cannot help are left out; see `agents.reflexes`."""
     stop: str = "go_on"
     """When the policy stops away from the goal: `go_on` takes its next choice, `random` moves at random,
     as the released code does."""
@@ -119,9 +122,8 @@ class DDPPONavigator(Navigator):
         goal = pointgoal(self.env.position_xz, self.env.heading_rad, self.env.goal.position_xz)
         depth = np.asarray(observation["depth"])
         pose = np.asarray(observation["world_from_camera"], np.float32)
-        return self._observer.observe(
-            depth.reshape(-1, *depth.shape[-3:])[-1:], pose.reshape(-1, 4, 4)[-1:], goal[None]
-        )
+        self._pose = pose.reshape(-1, 4, 4)[-1:]
+        return self._observer.observe(depth.reshape(-1, *depth.shape[-3:])[-1:], self._pose, goal[None])
 
     def _learned(self, shown: dict[str, Any]) -> Action:
         goal = self.env.goal
@@ -129,8 +131,16 @@ class DDPPONavigator(Navigator):
             error_rad = self._heading_error_rad(goal)
             if abs(error_rad) > 0.51 * self._turn_step_rad:
                 return turn_towards(error_rad)
-        action = Action(int(self._policy.act(shown, may_stop=self.settings.stop == "random")[0]))
+        action = Action(int(self._policy.act(shown, self._allowed())[0]))
         return MOVES[self._rng.integers(len(MOVES))] if action is Action.STOP else action
+
+    def _allowed(self) -> NDArray[np.bool_]:
+        """(1, actions) the choices; the wrapper ends a goal, so that a stop never does."""
+        allowed = np.ones((1, len(Action)), bool)
+        if self.settings.has_reflexes:
+            allowed = self._observer.allowed(self._pose, np.full((1, 2), np.inf, np.float32))
+        allowed[:, int(Action.STOP)] = self.settings.stop == "random"
+        return allowed
 
     def _planned(self, observation: Any) -> Action:
         assert self._planner is not None, "only the planner is handed goals"

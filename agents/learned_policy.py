@@ -7,9 +7,6 @@ import torch
 from numpy.typing import NDArray
 
 from agents.navigator_net import NavigatorNet
-from anm_gym.actions import Action
-
-STOP = int(Action.STOP)
 
 
 @final
@@ -43,19 +40,21 @@ class LearnedPolicy:
         self._starts = np.zeros_like(self._starts)
         return np.asarray(torch.log_softmax(outputs.logits, dim=1).numpy(), np.float64)
 
-    def act(self, observation: dict[str, NDArray[Any]], *, may_stop: bool = True) -> NDArray[np.int64]:
+    def act(
+        self, observation: dict[str, NDArray[Any]], allowed: NDArray[np.bool_] | None = None
+    ) -> NDArray[np.int64]:
         """Choose an action for every agent.
 
         Args:
             observation: One frame of every agent, see `NavigationObserver`.
-            may_stop: Whether stop is among the choices.
+            allowed: (N, actions) which actions are among the choices; None for all.
 
         Returns:
             (N,) actions.
         """
         scores = self.log_probabilities(observation)
-        if not may_stop:
-            scores[:, STOP] = -np.inf
+        if allowed is not None:
+            scores = np.where(allowed, scores, -np.inf)
         if not self._deterministic:
             scores = scores + self._rng.gumbel(size=scores.shape)
         return scores.argmax(axis=1)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from agents.ego_memory import EgoMemory, spread_pixels
 from agents.navigator_net import NUM_PREVIOUS, NavigatorNetSettings
+from agents.reflexes import Reflexes
 from anm_gym.actions import Action
 from anm_gym.geometry import CameraSpec
 
@@ -43,6 +44,7 @@ class NavigationObserver:
         self._sensor_height_m = np.broadcast_to(np.float32(sensor_height_m), (num_agents,))
         self._forward_step_m = np.broadcast_to(np.float32(forward_step_m), (num_agents,))
         self._previous = np.full(num_agents, NUM_PREVIOUS - 1, np.uint8)
+        self._reflexes = Reflexes(num_agents)
         self._rows, self._columns = (
             spread_pixels(count, settings.image_px) for count in (camera.height_px, camera.width_px)
         )
@@ -63,6 +65,7 @@ class NavigationObserver:
         """Forget what an agent has seen and done."""
         if self._memory is not None:
             self._memory.reset(index)
+        self._reflexes.begin(index)
         self._previous[index] = NUM_PREVIOUS - 1
 
     def begin_goal(self, index: int) -> None:
@@ -89,6 +92,7 @@ class NavigationObserver:
         Returns:
             The keys of `shapes`, with a first axis for the agents; see `NavigatorEncoder`.
         """
+        self._reflexes.update(world_from_camera, self._previous)
         images = depth_m.reshape(depth_m.shape[:3])
         seen = images[:, self._rows[:, None], self._columns]
         scaled = np.rint(np.clip(seen * (255.0 / MAX_DEPTH_M), 0.0, 255.0))
@@ -104,6 +108,12 @@ class NavigationObserver:
             batch["maps"] = self._memory.crops(world_from_camera)
             batch["waves"] = self._memory.waves(world_from_camera, _goals_of(world_from_camera, pointgoal))
         return batch
+
+    def allowed(
+        self, world_from_camera: NDArray[np.float32], pointgoal: NDArray[np.float32]
+    ) -> NDArray[np.bool_]:
+        """(N, actions) what is worth a try after `observe`; see `Reflexes`."""
+        return self._reflexes.allowed(world_from_camera, pointgoal[:, 0])
 
 
 def _goals_of(world_from_camera: NDArray[np.float32], pointgoal: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -22,7 +22,7 @@ NAVIGATORS: Final[dict[str, Callable[[GoalWrapper, int], Navigator]]] = {
     "ddppo": _learned(PLUS),
     "ddppo-plus": _learned(PLUS),
     "ddppo-star": _learned(STAR),
-    "ddppo-paper": _learned(replace(PLUS, resets_memory=False, stop="random")),
+    "ddppo-paper": _learned(replace(PLUS, resets_memory=False, has_reflexes=False, stop="random")),
     "ddppo+fallback": _learned(replace(PLUS, hands_over=True)),
 }
 """All navigators. `ddppo` is `ddppo-plus`; `ddppo-paper` treats new goals and stops as the released code

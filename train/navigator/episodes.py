@@ -35,6 +35,7 @@ def play_learned(
     episodes: Sequence[NavigationEpisode],
     *,
     deterministic: bool,
+    has_reflexes: bool = True,
     num_agents: int = 16,
     seed: int = 0,
 ) -> list[dict[str, Any]]:
@@ -44,6 +45,7 @@ def play_learned(
         net: The network.
         episodes: What to play; those of a scene should be neighbours.
         deterministic: Take the likeliest action instead of drawing one.
+        has_reflexes: Leave out moves that cannot help; see `agents.reflexes`.
         num_agents: Episodes that are played side by side.
         seed: Seeds the draws.
 
@@ -59,7 +61,8 @@ def play_learned(
     count = min(num_agents, len(episodes))
     envs = [make_pointnav(episodes[index], net.settings.image_px) for index in range(count)]
     lockstep = Lockstep(envs, step_limit(steps.pop()))
-    table = _Table(lockstep, net, deterministic, seed)
+    policy = LearnedPolicy(net, count, seed, deterministic=deterministic)
+    table = _Table(lockstep, net, policy, has_reflexes=has_reflexes)
     waiting = iter(enumerate(episodes))
     playing = {
         agent: table.deal(agent, episode) for agent, episode in zip(range(count), waiting, strict=False)
@@ -77,11 +80,13 @@ def play_learned(
 class _Table:
     """Agents that each play an episode."""
 
-    def __init__(self, lockstep: Lockstep, net: NavigatorNet, deterministic: bool, seed: int) -> None:
+    def __init__(
+        self, lockstep: Lockstep, net: NavigatorNet, policy: LearnedPolicy, *, has_reflexes: bool
+    ) -> None:
         envs: Any = lockstep.envs
         self._lockstep, self._envs = lockstep, envs
         self._last: list[Transition | None] = [None] * len(envs)
-        self._policy = LearnedPolicy(net, len(envs), seed, deterministic=deterministic)
+        self._policy, self._has_reflexes = policy, has_reflexes
         self._observer = NavigationObserver(
             len(envs),
             envs[0].camera,
@@ -102,13 +107,12 @@ class _Table:
         """Step the agents that play; returns those whose episode has ended."""
         # An agent without an episode stands still: its last observation is shown again.
         observations = [self._transition(agent).observation for agent in range(len(self._envs))]
-        actions = self._policy.act(
-            self._observer.observe(
-                _stack(observations, "depth"),
-                _stack(observations, "world_from_camera"),
-                _stack(observations, "pointgoal_with_gps_compass"),
-            )
+        pose, goal = (
+            _stack(observations, key) for key in ("world_from_camera", "pointgoal_with_gps_compass")
         )
+        shown = self._observer.observe(_stack(observations, "depth"), pose, goal)
+        allowed = self._observer.allowed(pose, goal) if self._has_reflexes else None
+        actions = self._policy.act(shown, allowed)
         self._observer.note(actions)
         transitions = self._lockstep.step(agents, actions[list(agents)])
         self._last = list(self._last)
