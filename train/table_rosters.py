@@ -10,6 +10,11 @@ from typing import Final
 from agents.roster import parse_agent
 from train.measures import MEASURES, OFFICIAL_MEASURES, ORACLE, Measure
 
+CRITERIA: Final = ("variance", "count", "distance")
+"""Choices of a target among clusters that the paper compares (Table 2, Module 2)."""
+DRIVERS: Final = ("ddppo-plus", "ddppo-star", "oracle")
+"""Navigators beside the planner (Table 2, Module 3)."""
+
 
 @dataclass(frozen=True)
 class Entry:
@@ -74,7 +79,8 @@ TABLES: Final = {
         (
             Entry("random"),
             Entry("anm:{preset}+dropout", "Module 1: dropout instead of perturbed weights"),
-            Entry("anm:{preset}+ddppo", "Module 3: another navigator"),
+            *(Entry(f"anm:{{preset}}+select={name}", "Module 2: another choice of target") for name in CRITERIA),
+            *(Entry(f"anm:{{preset}}+nav={name}", "Module 3: another navigator") for name in DRIVERS),
             Entry("anm:{preset}+relu", "Module 4: ReLU network with positional encoding"),
             Entry("anm:{preset}", "Ours"),
         ),

@@ -24,6 +24,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 episodes=8 if options.quick else options.episodes,
                 step_m=options.step_m,
                 deterministic=options.argmax,
+                workers=options.workers,
+                out=Path(options.out),
             ),
             json_path=options.json and Path(options.json),
         )
@@ -53,8 +55,8 @@ def _parser() -> ArgumentParser:
     add("--config", action="config", help="YAML file with any of these options")
     add("--preset", default="mini", help=f"network and budget: {', '.join(PRESETS)}")
     add("--variant", default="plus", help=f"homes to train on: {', '.join(VARIANTS)}")
-    add("--imitation_frames", type=int | None, default=None, help="budget of the first stage")
-    add("--reinforcement_frames", type=int | None, default=None, help="budget of the second stage")
+    add("--imitation-frames", type=int | None, default=None, help="budget of the first stage")
+    add("--reinforcement-frames", type=int | None, default=None, help="budget of the second stage")
     add("--agents", type=int | None, default=None, help="agents of each process")
     add("--seed", type=int, default=0, help="seeds everything")
     add("--out", default="runs/navigator", help="folder of the run; started again, it goes on")
@@ -68,13 +70,14 @@ def _parser() -> ArgumentParser:
     add("--navigators", nargs="+", default=["ddppo", "planner", "oracle"], help="navigators, or files")
     add("--scenes", nargs="+", default=["home:flat:1"], help="meshes, floor plans or procedural names")
     add("--episodes", type=int, default=100, help="episodes of every navigator, spread over the scenes")
-    add("--step_m", type=float, default=0.065, help="length of a forward step, metres")
+    add("--step-m", type=float, default=0.065, help="length of a forward step, metres")
     add(
         "--argmax",
         action=ActionYesNo(yes_prefix="", no_prefix="no-"),
         default=False,
         help="likeliest actions",
     )
+    add("--workers", type=int, default=2, help="processes of a comparison; 0 stays in this one")
     add("--json", default=None, help="write the printed table to this file")
     return parser
 

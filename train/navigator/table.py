@@ -44,7 +44,7 @@ class NavigationComparison:
     """Whether learned navigators take the likeliest action."""
     workers: int = 2
     """Processes."""
-    out: Path = field(default_factory=lambda: Path("runs/navigation"))
+    out: Path = field(default_factory=lambda: Path("runs/navigator"))
     """Folder of the rows; started again, it goes on."""
 
     def __post_init__(self) -> None:

@@ -11,8 +11,9 @@ from stable_baselines3.common.vec_env import VecMonitor
 
 from agents.navigator_net import NavigatorNet, NavigatorNetSettings
 from train.navigator.dagger import Dagger, DaggerSettings, Replay
-from train.navigator.env import NavigationVecEnv
+from train.navigator.env import DomainSettings, NavigationVecEnv
 from train.navigator.ppo import NavigatorPpo, PpoSettings
+from train.navigator.presets import PRESETS
 
 Navigation = Callable[..., NavigationVecEnv]
 TINY_PPO = PpoSettings(frames=256, rollout_steps=32, minibatches=2, value_frames=0)
@@ -141,3 +142,13 @@ def test_normalised_advantages_have_mean_0_and_variance_1(
 def test_groups_must_divide_the_agents(navigation: Navigation, tiny_net: NavigatorNetSettings) -> None:
     with pytest.raises(ValueError, match="`num_minibatches` must divide the 3 environments, got 2"):
         make_ppo(navigation(3), tiny_net)
+
+
+def test_full_network_learns_too() -> None:
+    training = PRESETS["full"]
+    env = NavigationVecEnv(training.net, DomainSettings(tiers={"studio": 1.0}), 2)
+    settings = replace(training.reinforcement, frames=4, rollout_steps=2, minibatches=1)
+    model = make_ppo(env, training.net, settings)
+    before = model.policy.action_net.weight.clone()
+    model.learn(8)
+    assert not torch.equal(model.policy.action_net.weight, before)

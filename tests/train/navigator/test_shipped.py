@@ -1,0 +1,35 @@
+"""The policies that come with the package are what their cards say, and reach goals in unseen homes."""
+
+import json
+
+import pytest
+
+from agents.navigator_net import NavigatorNetSettings
+from agents.policy_file import WEIGHTS_FOLDER, load_policy
+from train.navigator.episodes import episodes_of, play_learned
+from train.navigator.presets import PRESETS, VARIANTS
+
+MAX_BYTES = 8_000_000
+HOMES = [f"home:studio:{seed}" for seed in range(700, 704)]
+
+
+@pytest.mark.parametrize("variant", ["plus", "star"])
+def test_card_tells_how_the_policy_was_trained(variant: str) -> None:
+    card = json.loads((WEIGHTS_FOLDER / f"ddppo-{variant}.json").read_text())
+    training = card["training"]
+    assert load_policy(f"ddppo-{variant}").settings == NavigatorNetSettings.read(training["net"])
+    assert training["domain"]["tiers"] == VARIANTS[variant].tiers
+    assert training["imitation"]["frames"] == PRESETS["mini"].imitation.frames
+    assert card["curve"][-1]["stage"] == "imitation" or card["curve"][-1]["frames"] > 0
+    assert card["cpu_s"] > 0
+
+
+def test_all_weights_together_are_small() -> None:
+    assert sum(path.stat().st_size for path in WEIGHTS_FOLDER.glob("ddppo-*.safetensors")) < MAX_BYTES
+
+
+@pytest.mark.parametrize("name", ["ddppo-plus", "ddppo-star"])
+def test_goals_in_unseen_homes_are_reached(name: str) -> None:
+    results = play_learned(load_policy(name), episodes_of(HOMES, 8, 0.25), deterministic=False, num_agents=8)
+    assert sum(result["is_success"] for result in results) >= 7
+    assert sum(result["spl"] for result in results) / len(results) > 0.6
