@@ -1,0 +1,62 @@
+"""Networks, their optimiser and plain progress in one safetensors file, so that a killed run can go on."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from safetensors import safe_open
+from safetensors.torch import save_file
+from torch import Tensor, nn, optim
+
+_MOMENTS = ("exp_avg", "exp_avg_sq", "step")
+
+
+def save_progress(
+    path: Path, nets: Mapping[str, nn.Module], optimizer: optim.Optimizer, progress: Mapping[str, Any]
+) -> None:
+    """Write all that training needs to go on; the file appears whole or not at all.
+
+    Args:
+        path: A ``.safetensors`` file; an older one is replaced.
+        nets: Networks by name; their parameters are the optimiser's.
+        optimizer: Adam.
+        progress: Plain values.
+    """
+    tensors: dict[str, Tensor] = {}
+    for prefix, net in nets.items():
+        tensors |= {f"{prefix}.{name}": value.contiguous() for name, value in net.state_dict().items()}
+    for index, state in optimizer.state_dict()["state"].items():
+        tensors |= {f"adam.{index}.{name}": state[name].contiguous() for name in _MOMENTS}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(path.name + ".partial")
+    # Channels-last weights share no memory with each other, but `contiguous` of a tied one would.
+    save_file(tensors, partial, metadata={"progress": json.dumps(dict(progress))})
+    partial.replace(path)
+
+
+def load_progress(path: Path, nets: Mapping[str, nn.Module], optimizer: optim.Optimizer) -> dict[str, Any]:
+    """Go back to what `save_progress` kept, and return the plain values.
+
+    Args:
+        path: The file.
+        nets: Networks of the same names and shapes.
+        optimizer: Adam over the same parameters.
+    """
+    with safe_open(str(path), framework="pt") as file:
+        progress: dict[str, Any] = json.loads(file.metadata()["progress"])
+        tensors: dict[str, Tensor] = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    for prefix, net in nets.items():
+        net.load_state_dict(
+            {
+                name.removeprefix(f"{prefix}."): value
+                for name, value in tensors.items()
+                if name.startswith(f"{prefix}.")
+            }
+        )
+    state = optimizer.state_dict()
+    count = len(state["param_groups"][0]["params"])
+    known = [index for index in range(count) if f"adam.{index}.step" in tensors]
+    state["state"] = {index: {name: tensors[f"adam.{index}.{name}"] for name in _MOMENTS} for index in known}
+    optimizer.load_state_dict(state)
+    return progress
