@@ -22,7 +22,9 @@ def assert_equal(first: dict[str, Any], second: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("noise", [None, {"depth_std_fraction": 0.01, "forward_std_m": 0.01}])
-def test_vector_form_is_bit_equal_to_single_environments(rooms: str, noise: Any, rng: np.random.Generator) -> None:
+def test_vector_form_is_bit_equal_to_single_environments(
+    rooms: str, noise: Any, rng: np.random.Generator
+) -> None:
     settings = settings_of(rooms, noise=noise)
     single = gymnasium.make_vec(
         "anm_gym:ANM/PointNav-v0", num_envs=3, vectorization_mode="sync", max_episode_steps=12, **settings
