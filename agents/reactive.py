@@ -14,21 +14,40 @@ MIN_TURNS: Final = 3
 """Least number of turns after a bump: 30 degrees."""
 MAX_TURNS: Final = 18
 """Largest number of turns after a bump: 180 degrees."""
+FULL_TURNS: Final = 36
+"""Number of turns all round, at 10 degrees each."""
+MAX_WALK: Final = 60
+"""Most steps between two looks round: 3.9 m."""
+FORWARD_SHARES: Final = {"uniform": 1.0 / 3.0, "forward": 0.8}
+"""Chance of a step forward; what remains goes to both turns alike. A turn of 10 degrees one way undoes one
+the other way, so `uniform` mostly looks about on the spot; `forward` gets somewhere (ours)."""
 
 
 @final
 class RandomPolicy:
-    """Draw one of the three moves uniformly.
+    """Draw one of the three moves, by default uniformly.
+
+    Stop is never drawn: the published code has a variant in which it is and does nothing, but here
+    it ends the episode.
 
     Args:
         seed: Seeds the draws; they start anew with each episode.
+        preset: One of `FORWARD_SHARES`.
+
+    Raises:
+        ValueError: If the preset is unknown.
 
     Source:
-        Active Neural Mapping, Table 1, "Random".
+        Active Neural Mapping, Table 1, "Random": `uniform`.
     """
 
-    def __init__(self, seed: int = 0) -> None:
+    def __init__(self, seed: int = 0, preset: str = "uniform") -> None:
+        if preset not in FORWARD_SHARES:
+            known = ", ".join(sorted(FORWARD_SHARES))
+            raise ValueError(f"unknown random preset {preset!r}; choose one of: {known}")
         self._seed, self._rng = seed, np.random.default_rng(seed)
+        self._is_uniform, share = preset == "uniform", FORWARD_SHARES[preset]
+        self._chances = [share if move is Action.MOVE_FORWARD else 0.5 * (1.0 - share) for move in MOVES]
 
     def predict(
         self,
@@ -40,7 +59,12 @@ class RandomPolicy:
         """Choose an action; the signature is Stable-Baselines3's."""
         if episode_start is not None and np.any(episode_start):
             self._rng = np.random.default_rng(self._seed)
-        return actions_for(observation, MOVES[self._rng.integers(len(MOVES))]), state
+        return actions_for(observation, MOVES[self._draw()]), state
+
+    def _draw(self) -> int:
+        if self._is_uniform:
+            return int(self._rng.integers(len(MOVES)))
+        return int(self._rng.choice(len(MOVES), p=self._chances))
 
 
 @final
@@ -80,4 +104,47 @@ class BumpAndTurnPolicy:
     def _restart(self) -> None:
         self._rng = np.random.default_rng(self._seed)
         self._turns_left, self._turn = 0, Action.TURN_LEFT
+        self._walked = False
+
+
+@final
+class SpinAndWalkPolicy:
+    """Look all round, turn to a random heading, walk until a step is blocked or 3.9 m are done (ours).
+
+    Args:
+        seed: Seeds headings and lengths; they start anew with each episode.
+    """
+
+    def __init__(self, seed: int = 0) -> None:
+        self._seed = seed
+        self._position: NDArray[np.float64] = np.zeros(2)
+        self._walked = False
+        self._turns_left = self._steps_left = 0
+        self._restart()
+
+    def predict(
+        self,
+        observation: Any,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,  # noqa: ARG002 - always drawn
+    ) -> tuple[NDArray[np.int64], Any]:
+        """Choose an action; the signature is Stable-Baselines3's."""
+        if episode_start is not None and np.any(episode_start):
+            self._restart()
+        position = np.asarray(observation["gps"], np.float64).reshape(2)
+        is_blocked = self._walked and np.linalg.norm(position - self._position) < BLOCKED_M
+        if is_blocked or (self._turns_left == 0 and self._steps_left == 0):
+            self._turns_left = FULL_TURNS + int(self._rng.integers(FULL_TURNS))
+            self._steps_left = int(self._rng.integers(1, MAX_WALK + 1))
+        self._position, self._walked = position, self._turns_left == 0
+        if self._walked:
+            self._steps_left -= 1
+            return actions_for(observation, Action.MOVE_FORWARD), state
+        self._turns_left -= 1
+        return actions_for(observation, Action.TURN_LEFT), state
+
+    def _restart(self) -> None:
+        self._rng = np.random.default_rng(self._seed)
+        self._turns_left = self._steps_left = 0
         self._walked = False

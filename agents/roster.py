@@ -1,14 +1,20 @@
 """Every agent by name: what a table's rows may be."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import gymnasium
 
 from agents.navigators import make_navigator
-from agents.reactive import BumpAndTurnPolicy, RandomPolicy
-from anm_gym.map.presets import VARIANTS
+from agents.reactive import BumpAndTurnPolicy, RandomPolicy, SpinAndWalkPolicy
+from agents.variants import (
+    MAP_VARIANTS,
+    NAVIGATOR_VARIANTS,
+    SELECT_VARIANTS,
+    split_variants,
+    substitutions,
+)
 
 Env = gymnasium.Env[Any, Any]
 
@@ -46,20 +52,21 @@ def parse_agent(text: str) -> tuple[str, str]:
         Name and preset; the default preset where none is given.
 
     Raises:
-        ValueError: If the agent or its preset is unknown.
+        ValueError: If the agent, its preset or a variant is unknown, or two variants exclude each other.
     """
     name, _, preset = text.strip().removesuffix(")").replace("(", ":").partition(":")
     if name not in ROSTER:
         raise ValueError(f"unknown agent {name!r}; choose one of: {', '.join(sorted(ROSTER))}")
     presets = ROSTER[name].presets
     preset = preset or presets[0]
-    base, *variants = preset.split("+")
+    base, variants = split_variants(preset, ROSTER[name].variants)
     if base not in presets:
         raise ValueError(f"unknown preset {base!r} of agent {name!r}; choose one of: {', '.join(presets)}")
     for variant in variants:
         if variant not in ROSTER[name].variants:
             known = ", ".join(ROSTER[name].variants) or "none"
             raise ValueError(f"unknown variant {variant!r} of agent {name!r}; choose one of: {known}")
+    substitutions(preset)
     return name, preset
 
 
@@ -75,12 +82,15 @@ def build_agent(text: str, env: Env, seed: int = 0) -> Agent:
         ValueError: If the agent or its preset is unknown.
     """
     name, preset = parse_agent(text)
-    wrapped, policy = ROSTER[name].build(env, preset, seed)
+    parts = substitutions(preset)
+    wrapped, policy = ROSTER[name].build(env, parts.goal_preset, seed)
+    if parts.navigator is not None:
+        policy = make_navigator(parts.navigator, wrapped, seed)
     return Agent(name, preset, wrapped, policy)
 
 
-def _random(env: Env, _preset: str, seed: int) -> tuple[Env, Any]:
-    return env, RandomPolicy(seed)
+def _random(env: Env, preset: str, seed: int) -> tuple[Env, Any]:
+    return env, SpinAndWalkPolicy(seed) if preset == "spin" else RandomPolicy(seed, preset)
 
 
 def _bump_and_turn(env: Env, _preset: str, seed: int) -> tuple[Env, Any]:
@@ -88,18 +98,67 @@ def _bump_and_turn(env: Env, _preset: str, seed: int) -> tuple[Env, Any]:
 
 
 def _fbe(env: Env, preset: str, seed: int) -> tuple[Env, Any]:
-    from anm_gym.wrappers.frontier_goal import FrontierGoalWrapper
+    from anm_gym.wrappers.frontier_goal import PRESETS, FrontierGoalWrapper
 
-    wrapped = FrontierGoalWrapper(env, preset=preset, seed=seed)
+    source = None
+    if PRESETS[preset].map_source == "predicted":
+        from agents.predicted_floor import PredictedFloor
+        from agents.upen import shipped_ensemble
+
+        source = PredictedFloor(shipped_ensemble())
+    wrapped = FrontierGoalWrapper(env, preset=preset, seed=seed, source=source)
+    return wrapped, make_navigator("planner", wrapped, seed)
+
+
+def _upen(env: Env, preset: str, seed: int) -> tuple[Env, Any]:
+    from agents.upen import UpenGoalWrapper
+
+    wrapped = UpenGoalWrapper(env, preset=preset, seed=seed)
     return wrapped, make_navigator("planner", wrapped, seed)
 
 
 def _anm(env: Env, preset: str, seed: int) -> tuple[Env, Any]:
+    from anm_gym.map.targets import PAPER_TARGETS
     from anm_gym.wrappers.neural_map import NeuralMapWrapper
-    from anm_gym.wrappers.variability_goal import VariabilityGoalWrapper
+    from anm_gym.wrappers.variability_goal import CLUSTER_PRESETS, VariabilityGoalWrapper
 
-    mapped = NeuralMapWrapper(env, preset=preset, seed=seed)
-    wrapped = VariabilityGoalWrapper(mapped, preset=preset, seed=seed)
+    parts = substitutions(preset)
+    targets = None
+    if parts.select is not None:
+        targets = replace(CLUSTER_PRESETS.get(parts.base, PAPER_TARGETS), criterion=parts.select)
+    mapped = NeuralMapWrapper(env, preset=parts.map_preset, seed=seed)
+    wrapped = VariabilityGoalWrapper(mapped, preset=parts.map_preset, seed=seed, targets=targets)
+    return wrapped, make_navigator("planner", wrapped, seed)
+
+
+def _nbv(env: Env, preset: str, seed: int) -> tuple[Env, Any]:
+    from agents.nbv import NbvGoalWrapper
+
+    wrapped = NbvGoalWrapper(env, preset=preset, seed=seed)
+    return wrapped, make_navigator("planner", wrapped, seed)
+
+
+def _rh_nbv(env: Env, preset: str, seed: int) -> tuple[Env, Any]:
+    from agents.rh_nbv import RhNbvGoalWrapper
+
+    wrapped = RhNbvGoalWrapper(env, preset=preset, seed=seed)
+    return wrapped, make_navigator("planner", wrapped, seed)
+
+
+def _random_vertex(env: Env, _preset: str, seed: int) -> tuple[Env, Any]:
+    from agents.random_vertex import RandomVertexGoalWrapper
+
+    wrapped = RandomVertexGoalWrapper(env, seed=seed)
+    return wrapped, make_navigator("planner", wrapped, seed)
+
+
+def _voronoi(env: Env, preset: str, seed: int) -> tuple[Env, Any]:
+    from agents.voronoi import MAP_PRESETS, VoronoiGoalWrapper
+    from anm_gym.wrappers.neural_map import NeuralMapWrapper
+
+    base, *variants = preset.split("+")
+    mapped = NeuralMapWrapper(env, preset="+".join([MAP_PRESETS[base], *variants]), seed=seed)
+    wrapped = VoronoiGoalWrapper(mapped, preset=base, seed=seed)
     return wrapped, make_navigator("planner", wrapped, seed)
 
 
@@ -111,10 +170,17 @@ def _oracle_coverage(env: Env, _preset: str, seed: int) -> tuple[Env, Any]:
 
 
 ROSTER: Final = {
-    "random": AgentSpec(("uniform",), _random),
+    "random": AgentSpec(("uniform", "forward", "spin"), _random),
     "bump_and_turn": AgentSpec(("default",), _bump_and_turn),
-    "fbe": AgentSpec(("strong", "paper"), _fbe),
-    "anm": AgentSpec(("best", "fast", "paper", "released"), _anm, tuple(VARIANTS)),
+    "random_vertex": AgentSpec(("uniform",), _random_vertex, NAVIGATOR_VARIANTS),
+    "fbe": AgentSpec(("strong", "paper", "upen-repo"), _fbe, NAVIGATOR_VARIANTS),
+    "nbv": AgentSpec(("strong", "exponential"), _nbv, NAVIGATOR_VARIANTS),
+    "rh_nbv": AgentSpec(("strong", "paper"), _rh_nbv, NAVIGATOR_VARIANTS),
+    "upen": AgentSpec(("strong", "paper", "repo", "metres"), _upen, NAVIGATOR_VARIANTS),
+    "anm": AgentSpec(
+        ("best", "fast", "paper", "released"), _anm, (*MAP_VARIANTS, *SELECT_VARIANTS, *NAVIGATOR_VARIANTS)
+    ),
+    "voronoi": AgentSpec(("best", "fast", "scale"), _voronoi, (*MAP_VARIANTS, *NAVIGATOR_VARIANTS)),
     "oracle_coverage": AgentSpec(("greedy",), _oracle_coverage),
 }
 """All agents, from the floor to the upper bound."""

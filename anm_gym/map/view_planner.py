@@ -197,15 +197,10 @@ class ViewPlanner:
             The view, or None if nothing variable can be seen from any reachable place.
         """
         space = reachable_space(neural_map.occupancy, position_xz, self.settings.reach)
-        camera_y_m = neural_map.occupancy.floor_y_m + neural_map.camera.sensor_height_m
-        center = np.insert(position_xz, 1, camera_y_m)
-        surface = self._believable(
-            worthwhile_points(neural_map, self.settings.surface), neural_map, center, heading_rad
-        )
+        surface = self.variable_surface(neural_map, position_xz, heading_rad, rng)
         if space is None or len(surface.points) == 0:
             return None
-        surface = self._subsample(surface, rng)
-        surface = weigh_by_variability(neural_map, surface, self.settings.surface)
+        camera_y_m = neural_map.occupancy.floor_y_m + neural_map.camera.sensor_height_m
         positions, distances, own = self._candidates(space, surface, position_xz, current, excluded_xz)
         centers = np.insert(positions, 1, camera_y_m, axis=1)
         visibility = expected_visibility(centers, surface.points, neural_map.volume, self.settings.views)
@@ -220,6 +215,24 @@ class ViewPlanner:
         if current is not None and self._still_serves(current, utilities, best):
             return current
         return best
+
+    def variable_surface(
+        self,
+        neural_map: NeuralMap,
+        position_xz: NDArray[np.float64],
+        heading_rad: float,
+        rng: np.random.Generator,
+    ) -> VariableSurface:
+        """Find what is worth a look and weigh it; see `plan` for the arguments."""
+        camera_y_m = neural_map.occupancy.floor_y_m + neural_map.camera.sensor_height_m
+        center = np.insert(position_xz, 1, camera_y_m)
+        surface = self._believable(
+            worthwhile_points(neural_map, self.settings.surface), neural_map, center, heading_rad
+        )
+        if len(surface.points) == 0:
+            return surface
+        surface = self._subsample(surface, rng)
+        return weigh_by_variability(neural_map, surface, self.settings.surface)
 
     def _believable(
         self, surface: VariableSurface, neural_map: NeuralMap, center: NDArray[np.float64], heading_rad: float

@@ -225,7 +225,9 @@ class _Growth:
         squared = np.einsum("nd,nd->n", delta, delta)
         near = np.flatnonzero(squared <= radius**2)
         near = np.append(near[near != nearest], nearest)
-        near = near[line_is_free(self._blocked, self.nodes[near], place)]
+        is_free = line_is_free(self._blocked, self.nodes[near], place)
+        is_free[-1] = True  # tested by itself; beside longer lines it is sampled elsewhere
+        near = near[is_free]
         return near, np.sqrt(squared[near])
 
     def _hang(self, place: NDArray[np.float64], near: NDArray[np.int64], gaps: NDArray[np.float64]) -> None:

@@ -1,11 +1,12 @@
 """Frontier-based exploration as a source of goals."""
 
 from dataclasses import dataclass
-from typing import Final, final
+from typing import Any, Final, Literal, Protocol, final
 
 import gymnasium
 import numpy as np
 from gymnasium.utils import RecordConstructorArgs
+from numpy.typing import NDArray
 
 from anm_gym.actions import FORWARD_STEP_M, TURN_STEP_DEG
 from anm_gym.envs.mesh_env import Observation
@@ -13,6 +14,7 @@ from anm_gym.geometry import heading_towards, wrap_angle
 from anm_gym.map.frontier import Frontier, find_frontiers
 from anm_gym.map.reach import reachable_space
 from anm_gym.sim.geodesic import GridGraph, nearest_free_cell
+from anm_gym.sim.grid import GridFrame
 from anm_gym.wrappers.goal import Goal, GoalLimits, GoalWrapper
 
 TURN_COST_M: Final = FORWARD_STEP_M / np.deg2rad(TURN_STEP_DEG)
@@ -44,6 +46,12 @@ class FrontierSettings:
     """A goal under way is dropped only for one that costs less than this share of it."""
     sweeps: bool = False
     """Turn once round at the start."""
+    map_source: Literal["observed", "predicted"] = "observed"
+    """Where frontiers are searched: in what was seen, or in the map of the `source` that is handed over."""
+
+    def __post_init__(self) -> None:
+        if self.map_source == "predicted" and self.only_reachable:
+            raise ValueError("`only_reachable` must be False with `map_source` predicted, got True")
 
 
 PRESETS: Final = {
@@ -60,10 +68,33 @@ PRESETS: Final = {
         switch_share=0.7,
         sweeps=True,
     ),
+    "upen-repo": FrontierSettings(
+        limits=GoalLimits(arrival_m=0.1, timeout_steps=1000, review_steps=10),
+        min_distance_m=1.0,
+        map_source="predicted",
+    ),
 }
 """`paper`: the nearest frontier at least 1 m away, replanned every 10 steps, whether or not the body can
 get there, as published baselines run it; `strong`: the nearest by path of those that can be reached,
-kept until another is clearly nearer, with a memory of failures (ours)."""
+kept until another is clearly nearer, with a memory of failures (ours); `upen-repo`: `paper` in a predicted
+map, as UPEN's released code runs its baseline."""
+
+
+class FloorSource(Protocol):
+    """A map that is searched for frontiers instead of the wrapper's own."""
+
+    @property
+    def identity(self) -> Any:
+        """What tells the source from others, a frozen dataclass for the settings of a row."""
+
+    def begin(self, env: GoalWrapper) -> None:
+        """Forget the last episode; the wrapper knows the pose of the new one."""
+
+    def see(self, observation: Observation) -> None:
+        """Take an observation in, the first one too."""
+
+    def floor(self) -> tuple[GridFrame, NDArray[np.bool_], NDArray[np.bool_]]:
+        """Where the cells lie, and which are free and unknown."""
 
 
 @final
@@ -77,9 +108,10 @@ class FrontierGoalWrapper(GoalWrapper):
         preset: One of `PRESETS`.
         seed: Seeds what is drawn.
         settings: Effective settings instead of the preset's.
+        source: The map that is searched where the settings say `predicted`.
 
     Raises:
-        ValueError: If the preset is unknown.
+        ValueError: If the preset is unknown, or a source is missing or not asked for.
 
     Source:
         Yamauchi, 1997; the baseline FBE of Active Neural Mapping, Table 1.
@@ -98,6 +130,7 @@ class FrontierGoalWrapper(GoalWrapper):
         preset: str = "strong",
         seed: int = 0,
         settings: FrontierSettings | None = None,
+        source: FloorSource | None = None,
     ) -> None:
         RecordConstructorArgs.__init__(self, preset=preset, seed=seed, settings=settings)
         if preset not in PRESETS:
@@ -105,11 +138,22 @@ class FrontierGoalWrapper(GoalWrapper):
                 f"unknown frontier preset {preset!r}; choose one of: {', '.join(sorted(PRESETS))}"
             )
         self.settings = settings or PRESETS[preset]
+        if (source is not None) != (self.settings.map_source == "predicted"):
+            raise ValueError(f"`source` must be given for a predicted map and for no other, got {source}")
+        self._source = source
+        self.map_identity: Any = None if source is None else source.identity
         super().__init__(env, limits=self.settings.limits, seed=seed)
 
     def _begin_episode(self) -> None:
+        if self._source is not None:
+            self._source.begin(self)
         turns = (2.0 * np.pi / 3.0) * np.arange(3, 0, -1) if self.settings.sweeps else np.zeros(0)
         self._sweep_rad = [wrap_angle(self.heading_rad + turn) for turn in turns]
+
+    def _see(self, observation: Observation) -> None:
+        if self._source is not None:
+            with self.stopwatch("predict"):
+                self._source.see(observation)
 
     def _propose_goal(self) -> Goal | None:
         if self._sweep_rad:
@@ -133,11 +177,11 @@ class FrontierGoalWrapper(GoalWrapper):
 
     def _ranked(self) -> list[tuple[float, Goal]]:
         """Every frontier that qualifies with its cost, the best first."""
-        settings, grid = self.settings, self.occupancy
-        frontiers = find_frontiers(
-            grid.free, grid.unknown, grid.frame, settings.min_size_m, settings.max_size_m
-        )
-        ranked = self._by_way(frontiers) if settings.only_reachable else self._by_free_path(frontiers)
+        settings = self.settings
+        frame, free, unknown = self._floor()
+        frontiers = find_frontiers(free, unknown, frame, settings.min_size_m, settings.max_size_m)
+        is_by_way = settings.only_reachable
+        ranked = self._by_way(frontiers) if is_by_way else self._by_free_path(frontiers, frame, free)
         ranked = [(cost, goal) for cost, goal in ranked if np.isfinite(cost) and not self._has_failed(goal)]
         ranked.sort(key=lambda pair: pair[0])
         far = [pair for pair in ranked if self._distance_m(pair[1]) >= settings.min_distance_m]
@@ -157,18 +201,25 @@ class FrontierGoalWrapper(GoalWrapper):
             ranked.append((cost, goal))
         return ranked
 
-    def _by_free_path(self, frontiers: list[Frontier]) -> list[tuple[float, Goal]]:
+    def _floor(self) -> tuple[GridFrame, NDArray[np.bool_], NDArray[np.bool_]]:
+        """Where the cells lie, and which are free and unknown."""
+        if self._source is not None:
+            return self._source.floor()
+        return self.occupancy.frame, self.occupancy.free, self.occupancy.unknown
+
+    def _by_free_path(
+        self, frontiers: list[Frontier], frame: GridFrame, free: NDArray[np.bool_]
+    ) -> list[tuple[float, Goal]]:
         """Length of a path of free cells to the nearest cell of each frontier."""
-        grid = self.occupancy
-        start = nearest_free_cell(grid.free, grid.frame.cells_of(self.position_xz)[0], 20)
+        start = nearest_free_cell(free, frame.cells_of(self.position_xz)[0], 20)
         if start is None:
             return []
-        distance_m = GridGraph(grid.free, grid.cell_m).distance_from(start)
+        distance_m = GridGraph(free, frame.cell_m).distance_from(start)
         ranked = []
         for frontier in frontiers:
             lengths = distance_m[frontier.cells[:, 0], frontier.cells[:, 1]]
             nearest = frontier.cells[int(lengths.argmin())]
-            ranked.append((float(lengths.min()), Goal(grid.frame.centers_of(nearest)[0], None, "frontier")))
+            ranked.append((float(lengths.min()), Goal(frame.centers_of(nearest)[0], None, "frontier")))
         return ranked
 
     def _distance_m(self, goal: Goal) -> float:

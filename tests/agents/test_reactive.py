@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from agents.batching import actions_for
-from agents.reactive import BumpAndTurnPolicy, RandomPolicy
+from agents.reactive import BumpAndTurnPolicy, RandomPolicy, SpinAndWalkPolicy
 from anm_gym.actions import MOVES, Action
 from anm_gym.envs.explore import ExploreEnv
 from anm_gym.mesh import TriangleMesh
@@ -64,3 +64,40 @@ def test_action_has_the_shape_of_the_observation() -> None:
 def test_one_agent_is_for_one_environment() -> None:
     with pytest.raises(ValueError, match="must be of one environment, got 2"):
         actions_for({"compass": np.zeros((2, 1))}, Action.TURN_LEFT)
+
+
+def test_forward_preset_mostly_walks_and_turns_both_ways_alike() -> None:
+    policy = RandomPolicy(seed=1, preset="forward")
+    counts = np.bincount([int(policy.predict(SINGLE)[0]) for _ in range(3000)], minlength=4)
+    assert counts[Action.STOP] == 0
+    assert abs(counts[Action.MOVE_FORWARD] - 2400) < 100
+    assert abs(counts[Action.TURN_LEFT] - counts[Action.TURN_RIGHT]) < 80
+
+
+def test_unknown_random_preset_lists_the_choices() -> None:
+    with pytest.raises(ValueError, match="unknown random preset 'lazy'; choose one of: forward, uniform"):
+        RandomPolicy(preset="lazy")
+
+
+def test_spin_looks_all_round_before_it_walks_and_after_a_bump() -> None:
+    policy = SpinAndWalkPolicy(seed=0)
+
+    def act(gps: float) -> Action:
+        return Action(int(policy.predict({**SINGLE, "gps": np.array([gps, 0.0], np.float32)})[0]))
+
+    first = [act(0.0) for _ in range(100)]
+    turns = first.index(Action.MOVE_FORWARD)
+    assert set(first[:turns]) == {Action.TURN_LEFT}
+    assert 36 <= turns < 72
+    assert act(0.0) is Action.TURN_LEFT
+
+
+def test_spin_gets_about_in_a_room(
+    explore: Callable[..., ExploreEnv], box_room: Callable[..., TriangleMesh]
+) -> None:
+    env, policy = explore(box_room(), start=(0.0, 0.0, 0.0)), SpinAndWalkPolicy(seed=0)
+    observation, info = env.reset(seed=0)
+    for step in range(400):
+        action, _ = policy.predict(observation, None, np.array([step == 0]))
+        observation, _, _, _, info = env.step(np.int64(action))
+    assert info["path_length_m"] > 4.0

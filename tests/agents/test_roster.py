@@ -11,7 +11,18 @@ from anm_gym.actions import Action
 from anm_gym.envs.explore import ExploreEnv
 from anm_gym.mesh import TriangleMesh
 
-LIGHT = ["random", "bump_and_turn", "fbe:paper", "fbe:strong"]
+LIGHT = [
+    "random",
+    "random:forward",
+    "random:spin",
+    "bump_and_turn",
+    "fbe:paper",
+    "fbe:strong",
+    "random_vertex",
+    "nbv",
+    "rh_nbv",
+    "rh_nbv:paper",
+]
 """Agents that need neither a neural map nor the cache of view tables."""
 
 
@@ -77,6 +88,19 @@ def test_stable_baselines_evaluates_every_agent(
     )
     assert len(rewards) == 2
     assert lengths == [15, 15]
+
+
+@pytest.mark.parametrize("text", ["upen:strong", "upen:paper", "upen:repo", "fbe:upen-repo"])
+def test_agent_with_predictions_acts(
+    explore: Callable[..., ExploreEnv], two_rooms: TriangleMesh, text: str
+) -> None:
+    agent = build_agent(text, explore(two_rooms), seed=0)
+    observation, _ = agent.env.reset(seed=0)
+    for step in range(5):
+        action, _ = agent.policy.predict(observation, None, np.array([step == 0]))
+        assert int(action) != Action.STOP
+        observation, *_ = agent.env.step(np.int64(action))
+    assert agent.env.compute_ms["predict"] > 0.0
 
 
 def test_oracle_covers_most_of_a_room_in_forty_steps(

@@ -1,0 +1,99 @@
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from agents.navigators import make_navigator
+from agents.rh_nbv import PRESETS, RhNbvGoalWrapper
+from anm_gym.actions import Action
+from anm_gym.envs.explore import ExploreEnv
+from anm_gym.mesh import TriangleMesh
+from anm_gym.wrappers.goal import Goal
+
+Explore = Callable[..., ExploreEnv]
+IN_THE_LEFT_ROOM = (-2.0, 0.0, np.pi / 2)
+"""Start in the left room with the door behind."""
+
+
+def turn_round(env: RhNbvGoalWrapper, turns: int = 36) -> None:
+    for _ in range(turns):
+        env.step(np.int64(Action.TURN_LEFT))
+
+
+@pytest.fixture
+def turned(explore: Explore, two_rooms: TriangleMesh) -> RhNbvGoalWrapper:
+    """An agent that has seen all of the left room that can be seen from its middle."""
+    env = RhNbvGoalWrapper(explore(two_rooms, start=IN_THE_LEFT_ROOM))
+    env.reset(seed=0)
+    turn_round(env)
+    env.report_unreachable("a new choice")
+    return env
+
+
+@pytest.mark.parametrize("preset", sorted(PRESETS))
+def test_first_goal_is_a_view_within_an_edge(explore: Explore, two_rooms: TriangleMesh, preset: str) -> None:
+    env = RhNbvGoalWrapper(explore(two_rooms, start=IN_THE_LEFT_ROOM), preset=preset)
+    env.reset(seed=0)
+    assert env.goal.reason == "view"
+    assert np.linalg.norm(env.goal.position_xz - env.position_xz) <= 1.5
+    assert not env.is_reached(env.goal)
+
+
+def test_first_edge_leads_towards_what_is_unseen(turned: RhNbvGoalWrapper) -> None:
+    assert turned.goal.reason == "view"
+    assert turned.goal.position_xz[0] > turned.position_xz[0] + 0.3
+
+
+def test_branch_under_way_is_kept_on_review(turned: RhNbvGoalWrapper) -> None:
+    chosen = turned.goal
+    for action in (Action.TURN_LEFT, Action.TURN_RIGHT) * 10:
+        turned.step(np.int64(action))
+    assert turned.goal is chosen
+
+
+def test_branch_that_shows_less_than_promised_is_given_up(explore: Explore, two_rooms: TriangleMesh) -> None:
+    strict = replace(PRESETS["strong"], review_share=10.0)
+    env = RhNbvGoalWrapper(explore(two_rooms, start=IN_THE_LEFT_ROOM), settings=strict)
+    env.reset(seed=0)
+    before = len(env.goals)
+    turn_round(env, env.limits.review_steps)
+    assert len(env.goals) > before
+
+
+def test_tree_goes_on_from_the_branch_that_was_chosen(turned: RhNbvGoalWrapper) -> None:
+    navigator = make_navigator("planner", turned)
+    first = turned.goal
+    observation, *_ = turned.step(np.int64(Action.TURN_LEFT))
+    for _ in range(60):
+        if turned.goal is not first:
+            break
+        action, _ = navigator.predict(observation)
+        observation, *_ = turned.step(np.int64(action))
+    assert turned.goal is not first
+    assert np.linalg.norm(turned.goal.position_xz - first.position_xz) < 3.0
+
+
+def test_look_that_is_being_taken_is_not_a_goal(explore: Explore, two_rooms: TriangleMesh) -> None:
+    env = RhNbvGoalWrapper(explore(two_rooms, start=IN_THE_LEFT_ROOM))
+    env.reset(seed=0)
+    for _ in range(8):
+        env.report_unreachable("again")
+        here = Goal(env.position_xz, env.heading_rad, "here")
+        assert env.is_reached(here)
+        assert not env.is_reached(env.goal)
+
+
+def test_same_seed_proposes_the_same_goals(explore: Explore, two_rooms: TriangleMesh) -> None:
+    goals = []
+    for _ in range(2):
+        env = RhNbvGoalWrapper(explore(two_rooms, start=IN_THE_LEFT_ROOM), seed=3)
+        env.reset(seed=1)
+        turn_round(env, 12)
+        goals.append([(*goal.position_xz, goal.heading_rad) for goal in env.goals])
+    assert goals[0] == goals[1]
+
+
+def test_unknown_preset_lists_the_choices(explore: Explore, two_rooms: TriangleMesh) -> None:
+    with pytest.raises(ValueError, match="unknown RH-NBV preset 'weak'; choose one of: paper, strong"):
+        RhNbvGoalWrapper(explore(two_rooms), preset="weak")
