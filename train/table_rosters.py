@@ -79,7 +79,7 @@ TABLES: Final = {
         (
             Entry("random"),
             Entry("anm:{preset}+dropout", "Module 1: dropout instead of perturbed weights"),
-            *(Entry(f"anm:{{preset}}+select={name}", "Module 2: another choice of target") for name in CRITERIA),
+            *(Entry(f"anm:{{preset}}+select={name}", "Module 2: another choice") for name in CRITERIA),
             *(Entry(f"anm:{{preset}}+nav={name}", "Module 3: another navigator") for name in DRIVERS),
             Entry("anm:{preset}+relu", "Module 4: ReLU network with positional encoding"),
             Entry("anm:{preset}", "Ours"),
