@@ -145,6 +145,21 @@ def _rh_nbv(env: Env, preset: str, seed: int) -> tuple[Env, Any]:
     return wrapped, make_navigator("planner", wrapped, seed)
 
 
+def _occant(env: Env, preset: str, seed: int) -> tuple[Env, Any]:
+    return _with_global_policy(env, preset, seed, anticipation=True)
+
+
+def _ans(env: Env, preset: str, seed: int) -> tuple[Env, Any]:
+    return _with_global_policy(env, preset, seed, anticipation=False)
+
+
+def _with_global_policy(env: Env, preset: str, seed: int, *, anticipation: bool) -> tuple[Env, Any]:
+    from agents.occant import OccAntGoalWrapper
+
+    wrapped = OccAntGoalWrapper(env, preset=preset, seed=seed, anticipation=anticipation)
+    return wrapped, make_navigator("planner", wrapped, seed)
+
+
 def _random_vertex(env: Env, _preset: str, seed: int) -> tuple[Env, Any]:
     from agents.random_vertex import RandomVertexGoalWrapper
 
@@ -177,6 +192,8 @@ ROSTER: Final = {
     "nbv": AgentSpec(("strong", "exponential"), _nbv, NAVIGATOR_VARIANTS),
     "rh_nbv": AgentSpec(("strong", "paper"), _rh_nbv, NAVIGATOR_VARIANTS),
     "upen": AgentSpec(("strong", "paper", "repo", "metres"), _upen, NAVIGATOR_VARIANTS),
+    "occant": AgentSpec(("steps", "metres"), _occant, NAVIGATOR_VARIANTS),
+    "ans": AgentSpec(("steps", "metres"), _ans, NAVIGATOR_VARIANTS),
     "anm": AgentSpec(
         ("best", "fast", "paper", "released"), _anm, (*MAP_VARIANTS, *SELECT_VARIANTS, *NAVIGATOR_VARIANTS)
     ),

@@ -8,8 +8,8 @@ from typing import Any, Final
 from train import html
 from train.attribution import CAUSES, NO_CAUSE, module_shares_pct
 from train.html import Cell
-from train.measures import agent_name, value_of
 from train.results import Row
+from train.tables.measures import agent_name, value_of
 
 NOTE: Final = (
     "Shares of an episode's steps; one step may count for several causes. Stuck: contacts, and no way out "

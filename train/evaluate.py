@@ -15,12 +15,12 @@ from tqdm import tqdm
 
 from train.backends import BACKENDS, Backend, run_on
 from train.command import parse_seeds, run_command, scene_label, split_list
-from train.comparison import make_table
 from train.episodes import Job, play, split_agent
-from train.measures import agent_name
 from train.report import write_report
 from train.results import Row, append_row, finished_keys, read_rows, row_key
-from train.table_text import format_table, table_as_json
+from train.tables.comparison import make_table
+from train.tables.measures import agent_name
+from train.tables.text import format_table, table_as_json
 
 ROWS_FILE: Final = "rows.jsonl"
 """Name of the rows' file in the run's folder."""

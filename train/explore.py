@@ -17,7 +17,6 @@ from train import html
 from train.command import run_command, scene_label
 from train.episodes import Episode, Job, run_job, scene_of, split_agent
 from train.html import Section
-from train.measures import MEASURES, OFFICIAL_MEASURES, agent_name, value_of
 from train.pictures import save_picture, write_montage, write_topdown
 from train.plots import Curve, completion_figure
 from train.pool import prepare_worker
@@ -25,6 +24,7 @@ from train.provenance import versions
 from train.reconstruction import CUT_ABOVE_FLOOR_M, dollhouse_picture, save_ply
 from train.recorder import Progress, find_attribute
 from train.results import Row
+from train.tables.measures import MEASURES, OFFICIAL_MEASURES, agent_name, value_of
 
 
 def explore(

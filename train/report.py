@@ -10,7 +10,10 @@ import numpy as np
 
 from train import html
 from train.attribution_report import attribution_body
-from train.comparison import (
+from train.html import Cell, Section
+from train.plots import Curve, completion_figure, reliability_figure
+from train.results import Row
+from train.tables.comparison import (
     AgentLine,
     Table,
     estimate,
@@ -20,8 +23,7 @@ from train.comparison import (
     paired_differences,
     with_oracle_share,
 )
-from train.html import Cell, Section
-from train.measures import (
+from train.tables.measures import (
     ATTRIBUTION_MEASURES,
     CALIBRATION_MEASURES,
     MEASURES,
@@ -31,9 +33,7 @@ from train.measures import (
     agent_name,
     value_of,
 )
-from train.plots import Curve, completion_figure, reliability_figure
-from train.results import Row
-from train.table_text import columns_of, format_estimate, notes
+from train.tables.text import columns_of, format_estimate, notes
 from train.trajectory import Trajectory
 
 
@@ -49,7 +49,7 @@ def write_report(out: Path, rows: Sequence[Row], title: str) -> Path:
         Path of the page.
 
     Raises:
-        ValueError: If the rows cannot be compared, see `train.comparison.make_table`.
+        ValueError: If the rows cannot be compared, see `train.tables.comparison.make_table`.
     """
     table = make_table(rows)
     good = [row for row in with_oracle_share(rows) if not row.get("error")]

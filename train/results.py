@@ -1,6 +1,6 @@
 """Result rows: one JSON line per episode, appended as it ends, read back after any interruption.
 
-The tables made of the rows are in `train.comparison`; this module knows the file only.
+The tables made of the rows are in `train.tables.comparison`; this module knows the file only.
 """
 
 import json
@@ -14,7 +14,7 @@ Row = dict[str, Any]
 Key = tuple[Any, ...]
 
 KEY_FIELDS: Final = ("agent", "preset", "scene", "seed", "protocol", "steps")
-"""The fields that name an episode. The settings' hash is checked apart, by `train.comparison`."""
+"""The fields that name an episode. The settings' hash is checked apart, by `train.tables.comparison`."""
 
 ROW_FIELDS: Final = (
     *("agent", "scene", "seed", "protocol", "preset", "settings_hash", "steps"),

@@ -97,9 +97,7 @@ class DistanceToPoint:
             flat = cell
         return self._ways[flat]
 
-    def _extend(
-        self, from_xz: NDArray[np.float64], next_xz: NDArray[np.float64], next_way: "_Way"
-    ) -> "_Way":
+    def _extend(self, from_xz: NDArray[np.float64], next_xz: NDArray[np.float64], next_way: "_Way") -> "_Way":
         """The way from a point through a neighbouring one, with as few corners as can be seen."""
         seen: _Way | None = None
         ahead: _Way | None = next_way

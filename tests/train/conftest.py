@@ -65,11 +65,11 @@ def known_map(box_room):
 
 @pytest.fixture(scope="session")
 def twin_rooms():
-    """Give two rooms of 3 x 3 m as a raster of heights: x from 0 to 6.2 m, a door 1 m wide at x = 3, z = 1.5 m."""
+    """Give two rooms of 3 x 3 m as a raster of heights, with a door 1 m wide at x = 3, z = 1.5 m."""
     from scipy import ndimage
 
     from anm_gym.sim.grid import GridFrame
-    from train.twin_world import TwinWorld
+    from train.occant.twin_world import TwinWorld
 
     top_m = np.full((32, 62), 1.5, np.float32)
     top_m[1:-1, 1:30] = top_m[1:-1, 31:61] = top_m[11:21, 30] = 0.0

@@ -16,7 +16,7 @@ from train.navigator.driven import play_driven
 from train.navigator.episodes import NavigationEpisode, episodes_of, play_learned
 from train.pool import run_jobs
 from train.results import append_row
-from train.table_text import aligned
+from train.tables.text import aligned
 
 IMAGE_PX: Final = 64
 """Rows and columns of everyone's depth image."""

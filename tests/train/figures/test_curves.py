@@ -1,0 +1,77 @@
+"""Curves of all agents: means and bands in closed form, a panel for each budget."""
+
+import json
+
+import numpy as np
+import pytest
+
+from train.evaluate import ROWS_FILE
+from train.figures.__main__ import main
+from train.figures.curves import gather_curves
+from train.results import append_row
+from train.trajectory import Trajectory
+
+
+def leave_episode(run, agent, seed, curve, scene="a"):
+    """Write a row and its trajectory."""
+    steps = len(curve) - 1
+    name = f"episodes/{agent}_{scene}_{seed}.npz"
+    poses = np.zeros((steps + 1, 3))
+    curves = {"comp_pct": np.asarray(curve, float)}
+    Trajectory(scene, seed, np.ones(steps, np.int8), poses, curves=curves).save(run / name)
+    row = {"agent": agent, "preset": "", "scene": scene, "seed": seed, "protocol": "p", "steps": steps}
+    append_row(
+        run / ROWS_FILE, row | {"settings_hash": "h", "comp_pct": float(curve[-1]), "trajectory": name}
+    )
+
+
+@pytest.fixture
+def run(tmp_path):
+    for seed, last in enumerate((10.0, 20.0, 30.0)):
+        leave_episode(tmp_path, "fbe", seed, np.linspace(0.0, last, 5))
+        leave_episode(tmp_path, "anm", seed, np.linspace(0.0, 2.0 * last, 5))
+    return tmp_path
+
+
+def test_curves_are_means_with_their_t_interval(run):
+    (panel,) = gather_curves(run).panels
+    assert list(panel.bands) == ["anm", "fbe"]
+    band = panel.bands["fbe"]
+    np.testing.assert_array_equal(band.x, [0, 1, 2, 3, 4])
+    np.testing.assert_allclose(band.mean, [0, 5, 10, 15, 20])
+    half = 4.302652729911275 * 10.0 / np.sqrt(3.0)
+    assert band.high[-1] == pytest.approx(20.0 + half)
+    assert band.low[-1] == 0.0  # no ratio is negative
+    assert panel.episodes == {"anm": 3, "fbe": 3}
+
+
+def test_scenes_of_unlike_budget_have_panels_of_their_own(run):
+    leave_episode(run, "fbe", 0, np.linspace(0.0, 40.0, 9), scene="b")
+    panels = gather_curves(run).panels
+    assert [(panel.steps, panel.scenes) for panel in panels] == [(4, ("a",)), (8, ("b",))]
+    assert list(panels[1].bands) == ["fbe"]
+
+
+def test_failed_episode_has_no_curve(run):
+    row = {"agent": "fbe", "preset": "", "scene": "a", "seed": 9, "protocol": "p", "steps": 4}
+    append_row(run / ROWS_FILE, row | {"error": "MapError: no"})
+    assert gather_curves(run).panels[0].episodes["fbe"] == 3
+
+
+def test_run_without_rows_names_the_command(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"must hold the rows of a table.*train\.tables table1 --out"):
+        gather_curves(tmp_path)
+
+
+def test_command_draws_the_figure_and_writes_its_numbers(run, tmp_path, capsys):
+    leave_episode(run, "fbe", 0, np.linspace(0.0, 40.0, 9), scene="b")
+    numbers = tmp_path / "fig5.json"
+    main(["fig5", "--run", str(run), "--out", str(tmp_path / "out"), "--json", str(numbers)])
+    (picture,) = (tmp_path / "out").glob("fig5_p.png")
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert f"fig5: {picture}" in capsys.readouterr().out
+    content = json.loads(numbers.read_text())
+    assert content["figure"] == "fig5"
+    first, second = content["data"]["panels"]
+    assert first["comp_pct"]["anm"]["mean"] == [0.0, 10.0, 20.0, 30.0, 40.0]
+    assert second["comp_pct"]["fbe"]["high"] == [None] * 9

@@ -1,0 +1,194 @@
+"""The paper's tables by one command: who is in them, what they say, what is played again."""
+
+import json
+
+import pytest
+
+from train.backends import Backend
+from train.evaluate import ROWS_FILE
+from train.protocols import Protocol, ProtocolScene
+from train.results import append_row, read_rows
+from train.tables.__main__ import main, play_command
+from train.tables.published import PUBLISHED
+from train.tables.result import format_result, make_result, result_as_json
+from train.tables.rosters import TABLES, split_known
+from train.tables.run import TableRun, play_table
+
+TINY_CAMERA = '{"camera": {"width_px": 16, "height_px": 16}}'
+
+
+def options_of(room_file, out, *more):
+    """Write the options of a small table in one room."""
+    fixed = ["--protocol=open-scenes", f"--root={room_file.parent}", "--steps=5", "--seeds=2", "--workers=0"]
+    return ["table1", *fixed, "--env", TINY_CAMERA, "--no-pictures", f"--out={out}", *more]
+
+
+@pytest.fixture(scope="module")
+def written(room_file, tmp_path_factory):
+    out = tmp_path_factory.mktemp("table1")
+    agents = ["--agents", "random", "fbe:paper", "nobody", "--reference", "fbe:paper"]
+    main(options_of(room_file, out, *agents, "--json", str(out / "copy.json")))
+    return out
+
+
+def test_command_writes_table_report_starts_and_settings(written):
+    table = json.loads((written / "table1.json").read_text())
+    assert table == json.loads((written / "copy.json").read_text())
+    assert table["missing"] == ["nobody"]
+    assert table["protocol"].startswith("open-scenes-5-steps-")
+    assert [line["episodes"] for line in table["agents"]] == [2, 2]
+    assert all((written / name).is_file() for name in ("report.html", "starts.json", "settings.json"))
+
+
+def test_every_row_says_under_what_conditions_it_was_played(written):
+    rows = read_rows(written / ROWS_FILE)
+    assert len(rows) == 4
+    for field in ("protocol", "preset", "settings_hash", "geometry", "start"):
+        assert all(row[field] is not None for row in rows)
+    assert len({(row["seed"], *row["start"]) for row in rows}) == 2
+
+
+def test_finished_table_is_not_played_again(written, room_file):
+    before = (written / ROWS_FILE).read_bytes()
+    played = play_command(options_of(room_file, written, "--agents", "random", "fbe:paper"))
+    assert (written / ROWS_FILE).read_bytes() == before
+    assert len(played.rows) == 4
+
+
+def test_table_goes_on_with_what_is_missing(written, room_file, tmp_path):
+    first, *others = read_rows(written / ROWS_FILE)
+    append_row(tmp_path / ROWS_FILE, first | {"comp_pct": 12.5})
+    played = play_command(options_of(room_file, tmp_path, "--agents", "random", "fbe:paper"))
+    assert [row["comp_pct"] for row in played.rows].count(12.5) == 1
+    assert len(played.rows) == 1 + len(others)
+
+
+def test_keys_do_not_depend_on_who_played(written, room_file, tmp_path):
+    main(options_of(room_file, tmp_path, "--agents", "random", "--seeds", "1"))
+    short, full = (json.loads((path / "table1.json").read_text()) for path in (tmp_path, written))
+    assert short.keys() == full.keys()
+    assert short["agents"][0].keys() == full["agents"][0].keys()
+    assert short["agents"][0]["difference"].keys() == full["agents"][0]["difference"].keys()
+
+
+def make_run(tmp_path, name="anm-gibson", agents=("random", "anm:best")):
+    scenes = (ProtocolScene("gibson:Denmark", 1000), ProtocolScene("gibson:Cantwell", 2000))
+    return TableRun(agents, Protocol(name, name, scenes), (0, 1), tmp_path)
+
+
+def make_rows(run, values):
+    """Make rows whose completion is that of the agent, plus ten in the second scene, plus the seed."""
+    rows = []
+    for agent, value in values.items():
+        name, _, preset = agent.partition(":")
+        for index, scene in enumerate(run.protocol.scenes):
+            for seed in run.seeds:
+                comp_pct = value + 10.0 * index + seed
+                row = {"agent": name, "preset": preset, "scene": scene.label, "seed": seed}
+                row |= {"protocol": run.protocol.name, "steps": scene.steps, "settings_hash": name}
+                row |= {"comp_pct": comp_pct, "comp_pct_official": comp_pct - 1.0}
+                rows.append(row | {"cpu_ms": {"total": 2.0}})
+    return rows
+
+
+@pytest.fixture
+def result(tmp_path):
+    run = make_run(tmp_path)
+    rows = make_rows(run, {"random": 20.0, "anm:best": 60.0, "oracle_coverage": 80.0})
+    return make_result("table1", "best", run, rows, ["upen"], "anm:best")
+
+
+def test_scenes_may_differ_in_budget(result):
+    assert result.table.steps_by_scene == {"gibson:Denmark": 1000, "gibson:Cantwell": 2000}
+    assert "1000 to 2000 steps by scene" in format_result(result)
+
+
+def test_differences_are_taken_start_by_start(result):
+    lines = {line["name"]: line for line in result_as_json(result)["agents"]}
+    difference = lines["random"]["difference"]["comp_pct"]
+    assert difference == {"mean": -40.0, "ci95_half_width": 0.0, "episodes": 4}
+    assert lines["anm:best"]["difference"]["comp_pct"] is None
+    assert lines["anm:best"]["worst_scene"] == {"scene": "gibson:Denmark", "comp_pct": 60.5}
+    assert lines["anm:best"]["by_scene"]["gibson:Cantwell"]["comp_pct"]["mean"] == 70.5
+
+
+def test_share_of_the_oracle_is_that_of_the_same_start(result):
+    lines = {line["name"]: line for line in result_as_json(result)["agents"]}
+    assert lines["anm:best"]["oracle_share_pct"]["mean"] == pytest.approx(
+        100.0 * (60 / 80 + 61 / 81 + 70 / 90 + 71 / 91) / 4
+    )
+
+
+def test_native_and_official_stand_apart_with_the_paper_beside(result):
+    text = format_result(result)
+    native, official, paper, differences, notes = text.split("\n\n")
+    assert "Comp. (%)" in native
+    assert "official" not in native.split("\n", 1)[1].replace("native metrics", "")
+    assert "Comp. official (%)" in official
+    assert "Ours" in paper
+    assert "80.45" in paper
+    assert "paired differences to anm:best" in differences
+    assert "missing, as the roster of agents does not know them: upen" in notes
+
+
+def test_other_protocols_have_no_published_numbers(tmp_path):
+    run = make_run(tmp_path, "open-homes")
+    result = make_result("table1", "best", run, make_rows(run, {"random": 20.0}), [], "anm:best")
+    assert result_as_json(result)["published"] is None
+    assert result_as_json(result)["reference"] is None
+    assert "as published" not in format_result(result)
+
+
+def test_published_columns_are_columns_of_the_table():
+    for name, protocols in PUBLISHED.items():
+        for lines in protocols.values():
+            assert {key for values in lines.values() for key in values} <= set(TABLES[name].official)
+    ours = {protocol: lines["Ours"]["comp_pct_official"] for protocol, lines in PUBLISHED["table1"].items()}
+    assert ours == {"anm-gibson": 80.45, "anm-mp3d": 73.15}
+
+
+def test_table_one_has_the_rivals_and_table_two_the_modules():
+    assert TABLES["table1"].agents("fast")[-2:] == ["anm:fast", "oracle_coverage"]
+    assert {"random", "fbe:paper", "upen", "occant"} <= set(TABLES["table1"].agents("best"))
+    assert "anm:paper+dropout" in TABLES["table2"].agents("paper")
+    assert TABLES["table2"].role_of("anm:paper+relu", "paper").startswith("Module 4")
+    assert TABLES["table2"].role_of("fbe", "paper") == ""
+
+
+def test_agents_that_the_roster_does_not_know_are_sorted_out():
+    known, missing = split_known(["random", "nobody", "anm:best+relu", "anm:best+nothing", "fbe:paper"])
+    assert known == ["random", "anm:best+relu", "fbe:paper"]
+    assert missing == ["nobody", "anm:best+nothing"]
+
+
+def test_failed_episode_is_listed_and_enters_no_mean(tmp_path):
+    run = make_run(tmp_path)
+    rows = make_rows(run, {"random": 20.0, "anm:best": 60.0})
+    rows[-1] |= {"error": "MapError: no", "comp_pct": None}
+    table = result_as_json(make_result("table1", "best", run, rows, [], "anm:best"))
+    assert [failure["error"] for failure in table["failures"]] == ["MapError: no"]
+    assert {line["name"]: line["failed"] for line in table["agents"]} == {"anm:best": 1, "random": 0}
+    json.dumps(table, allow_nan=False)
+
+
+def test_table_needs_its_scenes(tmp_path, monkeypatch):
+    monkeypatch.setenv("ANM_SCENES", str(tmp_path))
+    with pytest.raises(Exception, match="anm-gibson lacks 2 of 2 scenes"):
+        play_table(make_run(tmp_path), Backend(workers=0))
+
+
+@pytest.mark.parametrize("field", ["agents", "seeds"])
+def test_run_that_names_one_twice_is_refused(tmp_path, field):
+    value = {"agents": ("fbe", "fbe:strong"), "seeds": (1, 1)}[field]
+    given = {"agents": ("random",), "seeds": (0,)} | {field: value}
+    with pytest.raises(ValueError, match=f"`{field}` must name at least one and none twice"):
+        TableRun(given["agents"], make_run(tmp_path).protocol, given["seeds"], tmp_path)
+
+
+@pytest.mark.slow
+def test_quick_table_has_the_keys_of_the_full_one(tmp_path, written, capsys):
+    main(["table1", "--quick", "--agents", "random", "fbe:paper", "--out", str(tmp_path)])
+    quick, full = (json.loads((path / "table1.json").read_text()) for path in (tmp_path, written))
+    assert quick.keys() == full.keys()
+    assert quick["agents"][0].keys() == full["agents"][0].keys()
+    assert "report: " in capsys.readouterr().out

@@ -1,0 +1,1 @@
+"""The explorer as a learner: `python -m train.coverage`."""

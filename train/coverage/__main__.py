@@ -1,0 +1,100 @@
+"""Teach an explorer by reinforcement: what is newly seen of generated homes is its reward.
+
+Command: ``python -m train.coverage --out runs/coverage``.
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jsonargparse import ActionYesNo, ArgumentParser
+
+from train.command import run_command
+from train.coverage.run import CoverageRun, score_baseline
+from train.coverage.settings import CoverageTraining
+from train.learning_curve import learning_curve_figure
+from train.provenance import versions
+
+
+def train_explorer(training: CoverageTraining) -> dict[str, Any]:
+    """Train, compare with the baselines and draw the curve.
+
+    Args:
+        training: What to do, and the folder that checkpoint, log and figure go to.
+
+    Returns:
+        The curve and the baselines, shares of the floor in per cent, and the CPU time, seconds.
+    """
+    run = CoverageRun(training)
+    curve = run.train()
+    baselines_pct = {
+        name: round(100.0 * float(np.mean(score_baseline(training, name))), 3) for name in training.baselines
+    }
+    steps = [point["steps"] for point in curve]
+    seen_pct = [100.0 * np.array(point["coverages"]) for point in curve]
+    result = {
+        "curve": [
+            {"steps": count, "coverage_pct": _mean(values), "reward": _mean(point["rewards"])}
+            for count, values, point in zip(steps, seen_pct, curve, strict=True)
+        ],
+        "baselines_pct": baselines_pct,
+        "cpu_s": round(run.progress.cpu_s, 1),
+        "versions": versions(),
+    }
+    label = "floor seen in unseen homes (%), mean and 95 % CI"
+    figure = learning_curve_figure(steps, seen_pct, baselines_pct, label, training.out / "curve.png")
+    (training.out / "curve.json").write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+    return result | {"figure": str(figure)}
+
+
+def quick(training: CoverageTraining) -> CoverageTraining:
+    """Make a run of less than a minute of it: a few homes, short episodes, two rounds."""
+    learner = replace(training.learner, num_envs=4, rollout_steps=50, batch_size=50)
+    return replace(
+        training,
+        scenes=training.scenes[:1],
+        eval_scenes=("home:studio:900-902",),
+        steps=4000,
+        episode_steps=50,
+        learner=learner,
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command and print the curve."""
+    options = _parser().parse_args(arguments).as_dict()
+    training = CoverageTraining.from_plain(
+        {field.name: options[field.name] for field in fields(CoverageTraining)}
+    )
+    torch.set_num_threads(1)
+    result = train_explorer(quick(training) if options["quick"] else training)
+    print(f"{'steps':>10}{'floor seen (%)':>16}{'reward':>9}")
+    for point in result["curve"]:
+        print(f"{point['steps']:>10}{point['coverage_pct']:>16.1f}{point['reward']:>9.2f}")
+    for name, value_pct in result["baselines_pct"].items():
+        print(f"{name:>10}{value_pct:>16.1f}")
+    print(f"{result['cpu_s']:.0f} CPU seconds; curve: {result['figure']}")
+    if options["json"]:
+        Path(options["json"]).write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+
+
+def _mean(values: Any) -> float:
+    return round(float(np.mean(values)), 3)
+
+
+def _parser() -> ArgumentParser:
+    parser = ArgumentParser(prog="python -m train.coverage", description=__doc__.splitlines()[0])
+    parser.add_argument("--config", action="config", help="YAML file with any of these options")
+    parser.add_class_arguments(CoverageTraining)
+    flag = ActionYesNo(yes_prefix="", no_prefix="no-")
+    parser.add_argument("--quick", action=flag, default=False, help="less than a minute's worth")
+    parser.add_argument("--json", default=None, help="write curve and baselines to this file")
+    return parser
+
+
+if __name__ == "__main__":
+    run_command(main)

@@ -1,0 +1,1 @@
+"""The paper's figures, drawn from episodes of one's own: `python -m train.figures`."""

@@ -1,0 +1,143 @@
+"""Figure 5 in our reading: completion over steps for every agent of a table, with confidence bands.
+
+The paper's figure compares three ways to choose a candidate in one run each. This one compares all agents of
+`train.tables table1`, from its rows and trajectories, and so needs no episode of its own.
+"""
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from train.evaluate import ROWS_FILE
+from train.figures.map_probe import Numbers
+from train.plots import MIN_BAND_CURVES, PALETTE, Band, Curve, figure, mean_band
+from train.provenance import versions
+from train.report import load_curves
+from train.results import Row, read_rows
+from train.tables.comparison import make_table
+
+MAX_POINTS: Final = 201
+"""Points of a curve, all at whole steps."""
+_LINES: Final = ("-", "--", ":")
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """The curves of the scenes that have one budget."""
+
+    steps: int
+    """Their budget."""
+    scenes: tuple[str, ...]
+    """Their names."""
+    bands: Mapping[str, Band]
+    """Mean completion ratio with its 95 % band over scenes and seeds, by agent, the best at the end first."""
+    episodes: Mapping[str, int]
+    """Episodes by agent."""
+
+
+@dataclass(frozen=True, eq=False)
+class CompletionCurves:
+    """The figure: a panel for each budget, since curves of unlike length have no mean."""
+
+    protocol: str
+    """Of the rows."""
+    panels: tuple[Panel, ...]
+    """The smallest budget first."""
+
+    def numbers(self) -> Numbers:
+        """Give the curves as plain arrays."""
+        return {
+            "figure": "fig5",
+            "protocol": self.protocol,
+            "versions": versions(),
+            "data": {"panels": [_panel_numbers(panel) for panel in self.panels]},
+        }
+
+    def draw(self, path: Path) -> Path:
+        """Write the PNG."""
+        result, axes = figure(len(self.panels), width_in=6.4 * len(self.panels), height_in=4.6)
+        names = sorted({name for panel in self.panels for name in panel.bands})
+        styles = {
+            name: (PALETTE[i % len(PALETTE)], _LINES[i // len(PALETTE) % 3]) for i, name in enumerate(names)
+        }
+        for axis, panel in zip(axes, self.panels, strict=True):
+            _draw_panel(axis, panel, styles)
+        axes[0].set_ylabel("completion ratio (%), mean and 95 % CI")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        result.savefig(path, dpi=150)
+        return path
+
+
+def gather_curves(run: Path) -> CompletionCurves:
+    """Read the curves of a table's episodes.
+
+    Args:
+        run: Folder of the run, with rows and trajectories.
+
+    Raises:
+        FileNotFoundError: If there are none.
+        ValueError: If the rows cannot be compared, see `train.tables.comparison.make_table`.
+    """
+    rows = [row for row in read_rows(run / ROWS_FILE) if not row.get("error")]
+    if not rows:
+        raise FileNotFoundError(
+            f"{run} must hold the rows of a table, got none; run `python -m train.tables table1 --out {run}`"
+        )
+    table = make_table(rows)
+    by_budget: dict[int, list[Row]] = defaultdict(list)
+    for row in rows:
+        by_budget[row["steps"]].append(row)
+    panels = tuple(_panel(run, steps, by_budget[steps]) for steps in sorted(by_budget))
+    return CompletionCurves(table.protocol, panels)
+
+
+def _panel(run: Path, steps: int, rows: Sequence[Row]) -> Panel:
+    curves, _ = load_curves(run, rows)
+    x = _whole_steps(steps)
+    bands = {name: _band(found, x) for name, found in curves.items()}
+    best_first = sorted(bands, key=lambda name: -bands[name].mean[-1])
+    return Panel(
+        steps,
+        tuple(sorted({row["scene"] for row in rows})),
+        {name: bands[name] for name in best_first},
+        {name: len(curves[name]) for name in best_first},
+    )
+
+
+def _band(curves: Sequence[Curve], x: Any) -> Band:
+    """Mean and band, within what a ratio can be."""
+    band = mean_band(curves, x)
+    return Band(x, band.mean, np.clip(band.low, 0.0, 100.0), np.clip(band.high, 0.0, 100.0))
+
+
+def _panel_numbers(panel: Panel) -> Numbers:
+    agents = {
+        name: {"episodes": panel.episodes[name], "mean": band.mean, "low": band.low, "high": band.high}
+        for name, band in panel.bands.items()
+    }
+    steps = _whole_steps(panel.steps)
+    return {"budget": panel.steps, "scenes": panel.scenes, "step": steps, "comp_pct": agents}
+
+
+def _whole_steps(budget: int) -> NDArray[np.float64]:
+    return np.unique(np.linspace(0.0, float(budget), MAX_POINTS).round())
+
+
+def _draw_panel(axis: Any, panel: Panel, styles: Mapping[str, tuple[str, str]]) -> None:
+    for name, band in panel.bands.items():
+        color, line = styles[name]
+        if panel.episodes[name] >= MIN_BAND_CURVES:
+            axis.fill_between(band.x, band.low, band.high, color=color, alpha=0.12, linewidth=0)
+        label = f"{name} ({band.mean[-1]:.0f} %)"
+        axis.plot(band.x, band.mean, color=color, linestyle=line, linewidth=1.8, label=label)
+    axis.set_xlim(0.0, panel.steps)
+    axis.set_ylim(0.0, 100.0)
+    axis.set_xlabel("steps")
+    count = len(panel.scenes)
+    axis.set_title(f"{count} scene{'s' if count > 1 else ''}, {panel.steps} steps", fontsize=10)
+    axis.legend(frameon=False, fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))

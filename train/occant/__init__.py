@@ -1,0 +1,1 @@
+"""Training of OccAnt and ANS: `python -m train.occant`."""

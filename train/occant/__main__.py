@@ -1,0 +1,288 @@
+"""Train OccAnt, or ANS with --no-anticipation: first what completes looks, then what chooses goals.
+
+Command: ``python -m train.occant --out runs/occant``. A killed run goes on where it was when started again.
+"""
+
+import json
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+import torch
+from jsonargparse import ActionYesNo, ArgumentParser
+from tqdm import tqdm
+
+from agents.occant_model import WEIGHTS_FOLDER, Anticipator, OccAntModel, OccAntSettings, save_model
+from train.command import run_command
+from train.occant.anticipator import (
+    AnticipatorLearner,
+    AnticipatorLearning,
+    format_anticipation,
+    score_anticipator,
+)
+from train.occant.frames import Frames, FrameSettings, frames_of, training_homes, unseen_homes
+from train.occant.goal_learning import GoalLearner, GoalLearning, coverage, policy_chooser, random_chooser
+from train.occant.twin import Reward, TwinSettings
+from train.occant.twin_world import TwinWorld
+from train.provenance import versions
+
+CHECKPOINT_S: Final = 20.0
+"""Seconds between two checkpoints."""
+
+
+@dataclass(frozen=True)
+class OccAntTraining:
+    """What is trained, and on what."""
+
+    model: OccAntSettings = field(default_factory=OccAntSettings)
+    """The networks and their maps."""
+    frame_homes: int = 50
+    """Homes that the anticipator learns from."""
+    test_homes: int = 12
+    """Homes to evaluate both on."""
+    frames: FrameSettings = field(default_factory=FrameSettings)
+    """How the anticipator's frames are gathered."""
+    anticipator: AnticipatorLearning = field(default_factory=AnticipatorLearning)
+    """How the anticipator learns."""
+    goal_homes: int = 60
+    """Homes that the global policy learns in."""
+    reward: Reward = "map_accuracy"
+    """What the global policy is paid for; `area_seen` for ANS."""
+    goals: GoalLearning = field(default_factory=GoalLearning)
+    """How the global policy learns."""
+    test_episodes: int = 48
+    """Episodes in which the global policy is evaluated."""
+    seed: int = 0
+    """Seeds everything."""
+
+    def __post_init__(self) -> None:
+        if min(self.frame_homes, self.test_homes, self.goal_homes, self.test_episodes) < 1:
+            raise ValueError("`frame_homes`, `test_homes`, `goal_homes` and `test_episodes` must be >= 1")
+
+    @property
+    def twin(self) -> TwinSettings:
+        """The episodes of the global policy."""
+        return TwinSettings(
+            self.model.layout,
+            self.model.projection,
+            self.reward,
+            look_every_steps=self.model.look_every_steps,
+        )
+
+    def quick(self) -> "OccAntTraining":
+        """The same with everything so small that it takes seconds."""
+        return replace(
+            self,
+            model=replace(self.model, width=4),
+            frame_homes=3,
+            test_homes=2,
+            frames=replace(self.frames, frames_per_home=30),
+            anticipator=replace(self.anticipator, passes=1000),
+            goal_homes=3,
+            goals=replace(self.goals, updates=3, envs=4),
+            test_episodes=4,
+        )
+
+
+class Learner(Protocol):
+    """What learns in steps and can be kept."""
+
+    num_done: int
+
+    def save(self, path: Path) -> None:
+        """Keep where it stands."""
+
+    def load(self, path: Path) -> None:
+        """Go back to what `save` kept."""
+
+
+def train(training: OccAntTraining, out: Path) -> tuple[OccAntModel, dict[str, Any]]:
+    """Gather, learn and evaluate; whatever lies in `out` already is not done again.
+
+    Args:
+        training: What to train.
+        out: Folder of the run.
+
+    Returns:
+        The model, and its settings, curves and scores as plain values.
+
+    Raises:
+        ValueError: If `out` holds a run with other settings.
+    """
+    _claim(training, out)
+    report: dict[str, Any] = {"settings": json.loads(json.dumps(asdict(training))), "versions": versions()}
+    anticipator = None
+    if training.model.anticipates:
+        anticipator, report["anticipator"] = _learn_to_anticipate(training, out)
+    learner, report["policy"] = _learn_to_choose(training, anticipator, out)
+    return OccAntModel(training.model, learner.goal_net, anticipator), report
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command."""
+    options = _parser().parse_args(arguments)
+    training = _training_of(options)
+    out, name = Path(options.out), "occant" if training.model.anticipates else "ans"
+    torch.set_num_threads(1)
+    start_s = time.process_time()
+    model, report = train(training, out)
+    report["cpu_s"] = time.process_time() - start_s
+    folders = [out, *([WEIGHTS_FOLDER] if options.install else [])]
+    for folder in folders:
+        save_model(model, folder / f"{name}.safetensors")
+    for path in [*(folder / f"{name}.json" for folder in folders), *_paths(options.json)]:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+    if "anticipator" in report:
+        print(format_anticipation(report["anticipator"]["scores"]))
+    print(format_coverage(report["policy"]))
+    print(f"model: {folders[-1] / name}.safetensors")
+
+
+def format_coverage(policy: dict[str, Any]) -> str:
+    """Lay the curve of learning and of coverage out as tables."""
+    gains = [point["gain_m2"] for point in policy["curve"]]
+    parts = [
+        gains[len(gains) * i // 5 : max(len(gains) * (i + 1) // 5, len(gains) * i // 5 + 1)] for i in range(5)
+    ]
+    means = "  ".join(f"{sum(part) / len(part):.1f}" for part in parts if part)
+    lines = [f"paid for, square metres an episode, by fifths of training: {means}", ""]
+    steps = [0, *(25 * goals for goals in (2, 4, 8, 12, 16, 20))]
+    lines.append(f"{'layout seen, %, after steps':32}" + "".join(f"{step:>7}" for step in steps) + "   mean")
+    for name, shares in policy["coverage"].items():
+        chosen = [shares[min(step // 25, len(shares) - 1)] for step in steps]
+        cells = [*chosen, sum(shares) / len(shares)]
+        lines.append(f"{name:32}" + "".join(f"{100.0 * cell:7.1f}" for cell in cells))
+    return "\n".join(lines)
+
+
+def _learn_to_anticipate(training: OccAntTraining, out: Path) -> tuple[Anticipator, dict[str, Any]]:
+    learner, path = (
+        AnticipatorLearner(training.model, training.anticipator, training.seed),
+        out / "anticipator.safetensors",
+    )
+    if path.exists():
+        learner.load(path)
+    if learner.num_done < training.anticipator.num_batches:
+        seen = _gather(training, training_homes(training.frame_homes), out, "homes to learn from")
+        total = training.anticipator.num_batches
+        _run(learner, learner.learn(seen), total, path, "anticipator", "batch")
+    unseen = _gather(training, unseen_homes(training.test_homes), out, "unseen homes")
+    anticipator = learner.anticipator()
+    return anticipator, {"curve": learner.curve, "scores": score_anticipator(anticipator, unseen)}
+
+
+def _learn_to_choose(
+    training: OccAntTraining, anticipator: Anticipator | None, out: Path
+) -> tuple[GoalLearner, dict[str, Any]]:
+    names = training_homes(training.goal_homes)
+    worlds = _worlds(training, names, "homes to explore")
+    learner = GoalLearner(training.model, training.twin, training.goals, worlds, anticipator, training.seed)
+    path = out / "policy.safetensors"
+    if path.exists():
+        learner.load(path)
+    _run(learner, learner.learn(), training.goals.updates, path, "policy", "update")
+    unseen = _worlds(training, unseen_homes(training.test_homes), "unseen homes")
+    choosers = {
+        "random goals": random_chooser(training.model.layout.num_goals),
+        "policy, drawn": policy_chooser(learner.goal_net, samples=True),
+        "policy, likeliest": policy_chooser(learner.goal_net, samples=False),
+    }
+    curves = {
+        name: coverage(choose, unseen, training.twin, anticipator, training.test_episodes, training.seed)
+        for name, choose in tqdm(choosers.items(), desc="coverage", unit="policy")
+    }
+    return learner, {"curve": learner.curve, "coverage": curves}
+
+
+def _run(learner: Learner, steps: Iterator[Any], total: int, path: Path, title: str, unit: str) -> None:
+    """Take the steps that remain, with a bar that tells when it ends and checkpoints now and then."""
+    bar = tqdm(steps, total=total, initial=learner.num_done, desc=title, unit=unit)
+    saved_s = time.monotonic()
+    for point in bar:
+        if time.monotonic() - saved_s > CHECKPOINT_S:
+            text = f"{point['gain_m2']:.1f} m2" if isinstance(point, dict) else f"loss {point:.3f}"
+            bar.set_postfix_str(text)
+            learner.save(path)
+            saved_s = time.monotonic()
+    learner.save(path)
+
+
+def _gather(training: OccAntTraining, homes: Sequence[str], out: Path, title: str) -> Frames:
+    parts = [
+        frames_of(home, training.model, training.frames, training.seed, out / "frames")
+        for home in tqdm(homes, desc=title, unit="home")
+    ]
+    return Frames.joined(parts)
+
+
+def _worlds(training: OccAntTraining, homes: Sequence[str], title: str) -> list[TwinWorld]:
+    cell_m = training.model.layout.cell_m
+    return [TwinWorld.of(home, cell_m) for home in tqdm(homes, desc=title, unit="home")]
+
+
+def _claim(training: OccAntTraining, out: Path) -> None:
+    """Write the settings into the folder, or check that they are those of the run that is there."""
+    path, text = out / "settings.json", json.dumps(asdict(training), indent=2)
+    if path.exists() and path.read_text(encoding="utf-8").strip() != text:
+        raise ValueError(f"`out` must be empty or hold a run with the same settings, got {str(out)!r}")
+    out.mkdir(parents=True, exist_ok=True)
+    path.write_text(text + "\n", encoding="utf-8")
+
+
+def _paths(text: str | None) -> list[Path]:
+    return [Path(text)] if text else []
+
+
+def _training_of(options: Any) -> OccAntTraining:
+    default = OccAntTraining()
+    training = OccAntTraining(
+        model=replace(default.model, anticipates=options.anticipation, width=options.width),
+        frame_homes=options.frame_homes,
+        test_homes=options.test_homes,
+        frames=replace(default.frames, frames_per_home=options.frames_per_home),
+        anticipator=replace(default.anticipator, passes=options.passes),
+        goal_homes=options.goal_homes,
+        reward=options.reward or ("map_accuracy" if options.anticipation else "area_seen"),
+        goals=replace(default.goals, updates=options.updates, envs=options.envs),
+        test_episodes=options.test_episodes,
+        seed=options.seed,
+    )
+    return training.quick() if options.quick else training
+
+
+def _parser() -> ArgumentParser:
+    parser = ArgumentParser(prog="python -m train.occant", description=__doc__.splitlines()[0])
+    default = OccAntTraining()
+    add = parser.add_argument
+    yes_or_no = ActionYesNo(yes_prefix="", no_prefix="no-")
+    add(
+        "--anticipation",
+        action=yes_or_no,
+        default=True,
+        help="complete what is seen (OccAnt), or do not (ANS)",
+    )
+    add("--reward", default=None, help="map_accuracy (default with anticipation) or area_seen")
+    add(
+        "--width", type=int, default=default.model.width, help="channels of the U-Net; 16 in the paper's code"
+    )
+    add("--frame_homes", type=int, default=default.frame_homes, help="homes the anticipator learns from")
+    add("--frames_per_home", type=int, default=default.frames.frames_per_home, help="looks at each of them")
+    add("--passes", type=int, default=default.anticipator.passes, help="frames the anticipator looks at")
+    add("--goal_homes", type=int, default=default.goal_homes, help="homes the global policy learns in")
+    add("--updates", type=int, default=default.goals.updates, help="PPO updates of the global policy")
+    add("--envs", type=int, default=default.goals.envs, help="episodes of an update")
+    add("--test_homes", type=int, default=default.test_homes, help="homes to evaluate on")
+    add("--test_episodes", type=int, default=default.test_episodes, help="episodes to evaluate in")
+    add("--seed", type=int, default=default.seed, help="seeds everything")
+    add("--out", default="runs/occant", help="folder of the run; started again, it goes on")
+    add("--json", default=None, help="write settings, curves and scores to this file too")
+    add("--quick", action=yes_or_no, default=False, help="a run of seconds")
+    add("--install", action=yes_or_no, default=False, help="ship the result")
+    return parser
+
+
+if __name__ == "__main__":
+    run_command(main)

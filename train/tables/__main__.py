@@ -1,0 +1,137 @@
+"""Make a table of the paper by one command.
+
+Command: ``python -m train.tables table1 --protocol open-homes``. The arithmetic is in
+`train.tables.comparison`, the lines and columns in `train.tables.rosters`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+from jsonargparse import ActionYesNo, ArgumentParser
+
+from anm_gym.scenes.datasets import ROOT_VARIABLE
+from train.command import parse_seeds, run_command, split_list
+from train.evaluate import add_backend_options, backend_of, report_failures
+from train.protocols import PROTOCOLS, Protocol, open_protocol
+from train.report import write_report
+from train.results import Row, write_json
+from train.tables.result import format_result, make_result, result_as_json
+from train.tables.rosters import TABLES, split_known
+from train.tables.run import QUICK_OPTIONS, QUICK_SEEDS, QUICK_STEPS, TableRun, play_table
+
+DEFAULT_SEEDS: Final = 5
+"""Starts per scene: a single one tells nothing of what luck does."""
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command."""
+    played = play_command(arguments)
+    options, run = played.options, played.run
+    result = make_result(options.table, options.preset, run, played.rows, played.missing, played.reference)
+    print(format_result(result))
+    for path in (run.out / f"{options.table}.json", options.json):
+        if path is not None:
+            write_json(Path(path), result_as_json(result))
+    title = f"{TABLES[options.table].title}, {run.protocol.name}"
+    print(f"report: {write_report(run.out, played.rows, title)}")
+    report_failures(played.rows)
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """What a command line asked for, and its rows."""
+
+    options: Any
+    """The command line."""
+    run: TableRun
+    """What was to be played."""
+    rows: Sequence[Row]
+    """Its rows."""
+    missing: Sequence[str]
+    """Agents that the roster does not know."""
+    reference: str
+    """Whom to compare with."""
+
+
+def play_command(arguments: Sequence[str] | None = None) -> Played:
+    """Play what a command line asks for and has no row yet."""
+    options = _parser().parse_args(arguments)
+    spec = TABLES[options.table]
+    wanted = split_list(options.agents) if options.agents else spec.agents(options.preset)
+    known, missing = split_known(wanted)
+    run = _run_of(options, known)
+    rows = play_table(run, backend_of(options, run.out))
+    return Played(
+        options, run, rows, missing, options.reference or spec.reference.format(preset=options.preset)
+    )
+
+
+def _run_of(options: Any, agents: Sequence[str]) -> TableRun:
+    """Read what to play."""
+    protocol = _protocol_of(options)
+    given = dict(options.env or {})
+    seeds = parse_seeds(options.seeds or str(DEFAULT_SEEDS))
+    if options.quick and not options.seeds:
+        seeds = list(QUICK_SEEDS[options.table])
+    name = protocol.base + ("-quick" if options.quick else "")
+    return TableRun(
+        agents,
+        protocol,
+        seeds,
+        Path(options.out or Path("runs") / options.table / name),
+        QUICK_OPTIONS | given if options.quick else given,
+        options.pictures,
+        with_maps=not options.quick or "mad_cm" in TABLES[options.table].native,
+    )
+
+
+def _protocol_of(options: Any) -> Protocol:
+    protocol = open_protocol(options.protocol, options.root)
+    if options.scenes:
+        protocol = protocol.only(split_list(options.scenes))
+    elif options.quick:
+        protocol = replace(protocol, scenes=protocol.scenes[:1])
+    steps = options.steps or (QUICK_STEPS if options.quick else None)
+    return protocol if steps is None else protocol.shortened(steps)
+
+
+def _parser() -> ArgumentParser:
+    parser = ArgumentParser(prog="python -m train.tables", description=__doc__.splitlines()[0])
+    add = parser.add_argument
+    add("table", choices=list(TABLES), help="which table of the paper")
+    add("--config", action="config", help="YAML file with any of these options")
+    add("--protocol", choices=PROTOCOLS, default="open-homes", help="scenes, budgets and starts")
+    add(
+        "--root", default=None, help=f"folder of datasets (${ROOT_VARIABLE}), or of the meshes of open-scenes"
+    )
+    add("--scenes", nargs="+", default=None, help="only these scenes of the protocol")
+    add("--agents", nargs="+", default=None, help="these agents instead of the table's")
+    add("--preset", default="best", help="preset of anm: best, fast, paper or released")
+    add(
+        "--seeds",
+        nargs="+",
+        default=None,
+        help=f"a count ({DEFAULT_SEEDS} by default), or the seeds themselves: 0,1,2",
+    )
+    add(
+        "--steps",
+        type=int | None,
+        default=None,
+        help="another budget for every scene; the protocol's name tells",
+    )
+    add("--reference", default=None, help="whom to compare with start by start; anm by default")
+    add(
+        "--out", default=None, help="folder of the run, runs/<table>/<protocol> by default; it can be resumed"
+    )
+    add("--env", type=dict | None, default=None, help="arguments of the environment, such as a camera")
+    add("--pictures", action=ActionYesNo(yes_prefix="", no_prefix="no-"), default=True, help="draw episodes")
+    add("--json", default=None, help="write the table to this file too")
+    add("--quick", action="store_true", help=f"one scene, {QUICK_STEPS} steps, a seed or two")
+    add_backend_options(parser)
+    return parser
+
+
+if __name__ == "__main__":
+    run_command(main)

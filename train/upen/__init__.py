@@ -1,0 +1,1 @@
+"""Training of UPEN's occupancy predictors: `python -m train.upen`."""

@@ -1,0 +1,191 @@
+"""Train UPEN's ensemble of occupancy predictors on walks through procedural homes.
+
+Command: ``python -m train.upen --out runs/upen``. A killed run goes on where it was when started again.
+"""
+
+import json
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import torch
+from jsonargparse import ActionYesNo, ArgumentParser
+from tqdm import tqdm
+
+from agents.upen_ensemble import SHIPPED, Ensemble, EnsembleSettings, save_ensemble
+from train.command import run_command
+from train.provenance import versions
+from train.upen.data import Crops, CropSettings, class_shares, crops_of, test_homes, training_homes
+from train.upen.learning import Learner, LearningSettings, homes_of_member
+from train.upen.scores import evaluate, format_scores
+
+CHECKPOINT_S: Final = 20.0
+"""Seconds between two checkpoints of a member."""
+
+
+@dataclass(frozen=True)
+class UpenTraining:
+    """What is trained, and on what."""
+
+    homes: int = 120
+    """Homes to learn from."""
+    test_homes: int = 16
+    """Homes to evaluate on."""
+    seed: int = 0
+    """Seeds walks, weights and batches."""
+    raster: EnsembleSettings = field(default_factory=EnsembleSettings)
+    """The networks and their raster."""
+    crops: CropSettings = field(default_factory=CropSettings)
+    """How crops are gathered."""
+    learning: LearningSettings = field(default_factory=LearningSettings)
+    """How members learn."""
+
+    def __post_init__(self) -> None:
+        if min(self.homes, self.test_homes) < 1:
+            raise ValueError(f"`homes` and `test_homes` must be >= 1, got {self.homes} and {self.test_homes}")
+        if self.learning.split == "disjoint" and self.homes < self.raster.members:
+            raise ValueError(
+                "`homes` must be >= `members` for disjoint splits, "
+                f"got {self.homes} and {self.raster.members}"
+            )
+
+    def quick(self) -> "UpenTraining":
+        """The same with everything so small that it takes seconds."""
+        return replace(
+            self,
+            homes=4,
+            test_homes=2,
+            raster=replace(self.raster, width=4),
+            crops=replace(self.crops, crops_per_home=10),
+            learning=replace(self.learning, passes=400),
+        )
+
+
+def train(training: UpenTraining, out: Path) -> tuple[Ensemble, dict[str, Any]]:
+    """Gather, learn and evaluate; whatever lies in `out` already is not done again.
+
+    Args:
+        training: What to train.
+        out: Folder of the run.
+
+    Returns:
+        The ensemble, and its settings, curves and scores as plain values.
+
+    Raises:
+        ValueError: If `out` holds a run with other settings.
+    """
+    _claim(training, out)
+    seen = _gather(training, training_homes(training.homes), out, "homes to learn from")
+    unseen = _gather(training, test_homes(training.test_homes), out, "unseen homes")
+    learners = [_learn(training, member, seen, out) for member in range(training.raster.members)]
+    ensemble = Ensemble(training.raster, [learner.net for learner in learners])
+    majority = int(np.argmax(class_shares(Crops.joined(seen))))
+    scores = evaluate(ensemble, Crops.joined(unseen), majority, training.seed)
+    curves = [learner.curve for learner in learners]
+    settings = json.loads(json.dumps(asdict(training)))
+    return ensemble, {"settings": settings, "curves": curves, "scores": scores, "versions": versions()}
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command."""
+    options = _parser().parse_args(arguments)
+    training = UpenTraining(
+        homes=options.homes,
+        test_homes=options.test_homes,
+        seed=options.seed,
+        raster=EnsembleSettings(net=options.net, width=options.width, members=options.members),
+        crops=CropSettings(crops_per_home=options.crops_per_home),
+        learning=LearningSettings(passes=options.passes, split=options.split),
+    )
+    training = training.quick() if options.quick else training
+    out = Path(options.out)
+    torch.set_num_threads(1)
+    ensemble, report = train(training, out)
+    save_ensemble(ensemble, out / SHIPPED.name, is_half=True)
+    written = [out / "upen.json", *([SHIPPED.with_suffix(".json")] if options.install else [])]
+    for path in [*written, *([Path(options.json)] if options.json else [])]:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+    if options.install:
+        save_ensemble(ensemble, SHIPPED, is_half=True)
+    print(format_scores(report["scores"]))
+    print(f"ensemble: {SHIPPED if options.install else out / SHIPPED.name}")
+
+
+def _claim(training: UpenTraining, out: Path) -> None:
+    """Write the settings into the folder, or check that they are those of the run that is there."""
+    path, text = out / "settings.json", json.dumps(asdict(training), indent=2)
+    if path.exists() and path.read_text(encoding="utf-8").strip() != text:
+        raise ValueError(f"`out` must be empty or hold a run with the same settings, got {str(out)!r}")
+    out.mkdir(parents=True, exist_ok=True)
+    path.write_text(text + "\n", encoding="utf-8")
+
+
+def _gather(training: UpenTraining, homes: Sequence[str], out: Path, title: str) -> list[Crops]:
+    """The crops of each home."""
+    cache = out / "crops"
+    return [
+        crops_of(home, training.raster, training.crops, training.seed, cache)
+        for home in tqdm(homes, desc=title, unit="home")
+    ]
+
+
+def _learn(training: UpenTraining, member: int, seen: Sequence[Crops], out: Path) -> Learner:
+    """Train a member, or finish it, or read it where it is finished."""
+    settings, path = training.learning, out / "members" / f"{member}.safetensors"
+    learner = Learner(training.raster, settings, training.seed, member)
+    if path.exists():
+        learner.load(path)
+    homes = homes_of_member(len(seen), member, training.raster.members, settings, training.seed)
+    crops = Crops.joined([seen[index] for index in homes])
+    bar = tqdm(
+        learner.learn(crops),
+        total=settings.num_batches,
+        initial=learner.num_done,
+        desc=f"member {member}",
+        unit="batch",
+    )
+    saved_s = time.monotonic()
+    for loss in bar:
+        if time.monotonic() - saved_s > CHECKPOINT_S:
+            bar.set_postfix_str(f"loss {learner.curve[-1] if learner.curve else loss:.3f}")
+            learner.save(path)
+            saved_s = time.monotonic()
+    learner.save(path)
+    return learner
+
+
+def _parser() -> ArgumentParser:
+    parser, default = (
+        ArgumentParser(prog="python -m train.upen", description=__doc__.splitlines()[0]),
+        UpenTraining(),
+    )
+    add = parser.add_argument
+    add("--homes", type=int, default=default.homes, help="procedural homes to learn from")
+    add("--test_homes", type=int, default=default.test_homes, help="procedural homes to evaluate on")
+    add("--crops_per_home", type=int, default=default.crops.crops_per_home, help="crops of each home")
+    add("--net", default=default.raster.net, help="residual (UPEN's) or plain (OccAnt's)")
+    add(
+        "--width",
+        type=int,
+        default=default.raster.width,
+        help="channels of the first stage; 64 in the paper's code",
+    )
+    add("--members", type=int, default=default.raster.members, help="networks of the ensemble")
+    add("--passes", type=int, default=default.learning.passes, help="crops that a member looks at")
+    add("--split", default=default.learning.split, help="overlap (paper) or disjoint")
+    add("--seed", type=int, default=default.seed, help="seeds walks, weights and batches")
+    add("--out", default="runs/upen", help="folder of the run; started again, it goes on")
+    add("--json", default=None, help="write settings, curves and scores to this file too")
+    add("--quick", action=ActionYesNo(yes_prefix="", no_prefix="no-"), default=False, help="a run of seconds")
+    add(
+        "--install", action=ActionYesNo(yes_prefix="", no_prefix="no-"), default=False, help="ship the result"
+    )
+    return parser
+
+
+if __name__ == "__main__":
+    run_command(main)
