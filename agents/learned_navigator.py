@@ -72,7 +72,7 @@ class DDPPONavigator(Navigator):
         simulator = self.env.get_wrapper_attr("simulator")
         camera = self.env.get_wrapper_attr("camera")
         self._observer = NavigationObserver(
-            1, camera, camera.sensor_height_m, simulator.forward_step_m, self._net.settings
+            1, camera, camera.sensor_height_m, simulator.forward_step_m, self._net.settings.at_work()
         )
         self._policy = LearnedPolicy(self._net, 1, self._seed, deterministic=self.settings.deterministic)
         self._rng = np.random.default_rng(self._seed)

@@ -4,7 +4,7 @@ Plain torch, so that a trained policy runs without the library that trained it.
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Final, NamedTuple, final
 
 import numpy as np
@@ -27,6 +27,10 @@ NUM_PLANES: Final = len(FLAGS) + 3
 """Planes of each map: its flags and three distances to the goal."""
 GOAL_SCALE_M: Final = 10.0
 """Distances are divided by this before they enter the network, metres."""
+WORK_WINDOW_CELLS: Final = 96
+"""Window of the wave when a trained network is used: 19 m instead of 10 m."""
+WORK_ROUNDS: Final = 400
+"""Rounds that such a wave may take."""
 State = tuple[Tensor, Tensor]
 
 
@@ -59,6 +63,15 @@ class NavigatorNetSettings:
         }
         memory["wave"] = GoalWaveSettings(**memory["wave"])
         return cls(**{**values, "memory": EgoMemorySettings(**memory)})
+
+    def at_work(self) -> "NavigatorNetSettings":
+        """The same with a wider wave than in training, where a small one is cheaper.
+
+        The network is shown crops of the wave only, so it may have spread from farther away.
+        """
+        wave = self.memory.wave
+        wider = replace(wave, window_cells=max(WORK_WINDOW_CELLS, wave.window_cells), max_rounds=WORK_ROUNDS)
+        return replace(self, memory=replace(self.memory, wave=wider))
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for a file."""

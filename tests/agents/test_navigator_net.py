@@ -89,3 +89,11 @@ def test_full_network_is_that_of_dd_ppo() -> None:
 def test_unknown_encoder_is_refused() -> None:
     with pytest.raises(ValueError, match="`vision` must be one of small, resnet18, resnet50, got 'vgg'"):
         NavigatorNetSettings(vision="vgg")
+
+
+def test_wave_may_be_wider_at_work_but_never_narrower() -> None:
+    settings = NavigatorNetSettings()
+    wave, at_work = settings.memory.wave, settings.at_work().memory.wave
+    assert at_work.window_cells > wave.window_cells
+    assert settings.at_work().at_work() == settings.at_work()
+    assert settings.at_work().image_px == settings.image_px

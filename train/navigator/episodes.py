@@ -92,7 +92,7 @@ class _Table:
             envs[0].camera,
             envs[0].camera.sensor_height_m,
             envs[0].settings.forward_step_m,
-            net.settings,
+            net.settings.at_work(),
         )
 
     def deal(self, agent: int, numbered: tuple[int, NavigationEpisode]) -> int:
