@@ -8,11 +8,9 @@ import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 
 from anm_gym.envs.mesh_env import Observation
-from anm_gym.geometry import wrap_angle
 from anm_gym.map.voronoi_graph import VoronoiSettings, voronoi_graph
 from anm_gym.wrappers.goal import Goal, GoalLimits, GoalWrapper
 
-SWEEP_REASON: Final = "sweep"
 VERTEX_REASON: Final = "vertex"
 
 
@@ -28,11 +26,6 @@ class RandomVertexSettings:
     """The graph whose vertices are drawn."""
     failure_radius_m: float = 0.5
     """Vertices this close to one that failed are not drawn, metres."""
-
-
-def sweep_headings(heading_rad: float) -> list[float]:
-    """Headings of a turn once round to the left, the last one first."""
-    return [wrap_angle(heading_rad + turn) for turn in 2.0 * np.pi / 3.0 * np.arange(3, 0, -1)]
 
 
 @final
@@ -68,11 +61,9 @@ class RandomVertexGoalWrapper(GoalWrapper):
         super().__init__(env, limits=self.settings.limits, seed=seed)
 
     def _begin_episode(self) -> None:
-        self._sweep_rad = sweep_headings(self.heading_rad)
+        self.look_round()
 
     def _propose_goal(self) -> Goal | None:
-        if self._sweep_rad:
-            return Goal(self.position_xz, self._sweep_rad.pop(), SWEEP_REASON)
         graph = voronoi_graph(self.occupancy, self.position_xz, self.settings.graph)
         if graph is None:
             return None

@@ -8,7 +8,7 @@ import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
-from agents.random_vertex import SWEEP_REASON, VERTEX_REASON, sweep_headings
+from agents.random_vertex import VERTEX_REASON
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.geometry import wrap_angle
 from anm_gym.map.neural_map import NeuralMap
@@ -116,19 +116,17 @@ class VoronoiGoalWrapper(GoalWrapper):
         super().__init__(env, limits=LIMITS, seed=seed)
 
     def _begin_episode(self) -> None:
-        self._sweep_rad = sweep_headings(self.heading_rad)
+        self.look_round()
         self._planner = ViewPlanner(self.settings.planning)
 
     def _propose_goal(self) -> Goal | None:
-        if self._sweep_rad:
-            return Goal(self.position_xz, self._sweep_rad.pop(), SWEEP_REASON)
         views = self._views(None)
         if views is None:
             return None
         return self._first_by_class(views) if self.settings.by_classes else self._best(views, None)
 
     def _review_goal(self, goal: Goal) -> Goal | None:
-        if goal.reason == SWEEP_REASON or self.settings.by_classes:
+        if self.settings.by_classes:
             return goal
         current = goal if goal.reason == VERTEX_REASON else None
         views = self._views(current)

@@ -21,7 +21,6 @@ TURN_COST_M: Final = FORWARD_STEP_M / np.deg2rad(TURN_STEP_DEG)
 """A turn of a radian takes as many steps as a walk of this length, metres."""
 SAME_M: Final = 0.75
 """Goals this close to each other are at the same frontier, metres."""
-SWEEP_REASON: Final = "sweep"
 
 
 @dataclass(frozen=True)
@@ -147,8 +146,8 @@ class FrontierGoalWrapper(GoalWrapper):
     def _begin_episode(self) -> None:
         if self._source is not None:
             self._source.begin(self)
-        turns = (2.0 * np.pi / 3.0) * np.arange(3, 0, -1) if self.settings.sweeps else np.zeros(0)
-        self._sweep_rad = [wrap_angle(self.heading_rad + turn) for turn in turns]
+        if self.settings.sweeps:
+            self.look_round()
 
     def _see(self, observation: Observation) -> None:
         if self._source is not None:
@@ -156,14 +155,10 @@ class FrontierGoalWrapper(GoalWrapper):
                 self._source.see(observation)
 
     def _propose_goal(self) -> Goal | None:
-        if self._sweep_rad:
-            return Goal(self.position_xz, self._sweep_rad.pop(), SWEEP_REASON)
         ranked = self._ranked()
         return ranked[0][1] if ranked else None
 
     def _review_goal(self, goal: Goal) -> Goal | None:
-        if goal.reason == SWEEP_REASON:
-            return goal
         ranked = self._ranked()
         if not ranked:
             return goal if goal.reason != "frontier" else None

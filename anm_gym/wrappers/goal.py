@@ -20,6 +20,8 @@ from anm_gym.map.occupancy import OccupancyGrid
 from anm_gym.map.reach import ReachSettings, reachable_space
 from anm_gym.stopwatch import Stopwatch
 
+SWEEP_REASON = "sweep"
+"""Reason of the goals of a turn once round."""
 CONTACT_REACH_M = 0.15
 """How far ahead of the body's centre a contact is remembered, metres."""
 
@@ -129,6 +131,7 @@ class GoalWrapper(
         self.rng = np.random.default_rng(self._seed if seed is None else [self._seed, seed])
         self.stopwatch.reset()
         self._grid, self._goal = None, None
+        self._sweep_rad: list[float] = []
         self.goals, self.failures, self.handovers = [], [], []
         self._trail_xz: list[NDArray[np.float64]] = []
         self._look(observation, info)
@@ -178,6 +181,12 @@ class GoalWrapper(
             reason: Filed with the goal.
         """
         self.handovers.append(Goal(self.goal.position_xz, self.goal.heading_rad, reason))
+
+    def look_round(self) -> None:
+        """Turn once round on the spot before the next goal is proposed; sources call this."""
+        self._sweep_rad = [
+            wrap_angle(self.heading_rad + turn) for turn in 2.0 * np.pi / 3.0 * np.arange(3, 0, -1)
+        ]
 
     def wander_goal(self) -> Goal:
         """The reachable place farthest from the trail: what is left when a source has nothing to propose."""
@@ -230,6 +239,8 @@ class GoalWrapper(
             self.occupancy.mark_blocked(self.position_xz + CONTACT_REACH_M * ahead + side_m * left)
 
     def _review(self) -> None:
+        if self.goal.reason == SWEEP_REASON:
+            return
         with self.stopwatch("goal"):
             reviewed = self._review_goal(self.goal)
         if reviewed is None:
@@ -239,7 +250,10 @@ class GoalWrapper(
 
     def _replace_goal(self) -> None:
         with self.stopwatch("goal"):
-            proposed = self._propose_goal()
+            if self._sweep_rad:
+                proposed: Goal | None = Goal(self.position_xz, self._sweep_rad.pop(), SWEEP_REASON)
+            else:
+                proposed = self._propose_goal()
             self._set_goal(self.wander_goal() if proposed is None else proposed)
 
     def _set_goal(self, goal: Goal) -> None:

@@ -1,9 +1,8 @@
 from collections.abc import Callable
 
 import numpy as np
-import pytest
 
-from agents.random_vertex import RandomVertexGoalWrapper, sweep_headings
+from agents.random_vertex import RandomVertexGoalWrapper
 from anm_gym.actions import Action
 from anm_gym.envs.explore import ExploreEnv
 from anm_gym.map.voronoi_graph import voronoi_graph
@@ -17,11 +16,6 @@ def turned(env: ExploreEnv, seed: int = 0) -> RandomVertexGoalWrapper:
     for _ in range(36):
         wrapped.step(np.int64(Action.TURN_LEFT))
     return wrapped
-
-
-def test_turn_ends_where_it_began() -> None:
-    headings = sweep_headings(0.5)
-    assert headings == pytest.approx([0.5, 0.5 + 4.0 * np.pi / 3.0 - 2.0 * np.pi, 0.5 + 2.0 * np.pi / 3.0])
 
 
 def test_after_a_turn_goals_are_vertices_of_the_graph(

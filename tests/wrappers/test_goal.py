@@ -173,3 +173,18 @@ def test_nothing_is_known_before_reset(scripted: Callable[..., ScriptedGoals]) -
         _ = env.goal
     with pytest.raises(gymnasium.error.ResetNeeded, match="no map yet"):
         _ = env.occupancy
+
+
+def test_look_round_turns_once_round_before_the_next_proposal(
+    scripted: Callable[..., ScriptedGoals],
+) -> None:
+    env = scripted([goal(0.0, -1.0), goal(1.0, 0.5)])
+    env.reset(seed=0)
+    env.review = lambda _: pytest.fail("a turn is not reviewed")
+    env.look_round()
+    env.report_unreachable("test")
+    walk(env, 36, Action.TURN_LEFT)
+    assert [each.reason for each in env.goals] == ["script", "sweep", "sweep", "sweep", "script"]
+    assert np.abs(np.unwrap([0.0, *(each.heading_rad or 0.0 for each in env.goals[1:4])]))[
+        -1
+    ] == pytest.approx(2.0 * np.pi)

@@ -21,6 +21,10 @@ from train.report import load_curves
 from train.results import Row, read_rows
 from train.tables.comparison import make_table
 
+MAX_BAND_ALPHA: Final = 0.15
+"""Opacity of a band."""
+BANDS_ALPHA: Final = 0.4
+"""Opacity of all bands together: many of them would hide the curves."""
 MAX_POINTS: Final = 201
 """Points of a curve, all at whole steps."""
 _LINES: Final = ("-", "--", ":")
@@ -129,10 +133,11 @@ def _whole_steps(budget: int) -> NDArray[np.float64]:
 
 
 def _draw_panel(axis: Any, panel: Panel, styles: Mapping[str, tuple[str, str]]) -> None:
+    alpha = min(MAX_BAND_ALPHA, BANDS_ALPHA / len(panel.bands))
     for name, band in panel.bands.items():
         color, line = styles[name]
         if panel.episodes[name] >= MIN_BAND_CURVES:
-            axis.fill_between(band.x, band.low, band.high, color=color, alpha=0.12, linewidth=0)
+            axis.fill_between(band.x, band.low, band.high, color=color, alpha=alpha, linewidth=0)
         label = f"{name} ({band.mean[-1]:.0f} %)"
         axis.plot(band.x, band.mean, color=color, linestyle=line, linewidth=1.8, label=label)
     axis.set_xlim(0.0, panel.steps)
