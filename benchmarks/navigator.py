@@ -2,7 +2,9 @@
 
 Both learn on the same agents in the same homes, with DD-PPO's 128 steps and two epochs. The library's
 has its own way with the same encoder: an LSTM each for actor and critic, a loop over frames, and
-padding that goes through the encoder. Also printed: what two processes make of it.
+padding that goes through the encoder. How much that costs depends on how long episodes are, so there
+are two kinds: those of an untrained policy, of which every fourth action is STOP, and those of one
+that has learned not to. Also printed: what two processes make of it.
 
     python -m benchmarks.navigator [--quick] [--json PATH]
 """
@@ -22,6 +24,7 @@ from sb3_contrib import RecurrentPPO
 from stable_baselines3.common.vec_env import VecMonitor
 
 from agents.navigator_net import NavigatorNetSettings
+from anm_gym.actions import Action
 from train.navigator.env import DomainSettings, NavigationVecEnv
 from train.navigator.policy import NavigatorExtractor
 from train.navigator.ppo import NavigatorPpo, PpoSettings
@@ -29,7 +32,9 @@ from train.navigator.ranks import Ranks
 
 NUM_AGENTS: Final = 16
 ROLLOUT_STEPS: Final = 128
-FRAMES: Final = NUM_AGENTS * ROLLOUT_STEPS
+QUICK_ROLLOUT_STEPS: Final = 32
+EPISODES: Final = {"short": 0.0, "long": 4.0}
+"""How much less likely than the other actions STOP is made at first, as a difference of logits."""
 
 
 def make_env(seed: int = 0) -> VecMonitor:
@@ -38,21 +43,21 @@ def make_env(seed: int = 0) -> VecMonitor:
     return VecMonitor(NavigationVecEnv(NavigatorNetSettings(), domain, NUM_AGENTS, seed))
 
 
-def ours(ranks: Ranks | None = None) -> NavigatorPpo:
+def ours(rollout_steps: int = ROLLOUT_STEPS, ranks: Ranks | None = None) -> NavigatorPpo:
     """Our recurrent PPO."""
-    settings = PpoSettings(frames=10**9, minibatches=2, rollout_steps=ROLLOUT_STEPS, value_frames=0)
+    settings = PpoSettings(frames=10**9, minibatches=2, rollout_steps=rollout_steps, value_frames=0)
     env = make_env(ranks.rank if ranks else 0)
     return NavigatorPpo(env, NavigatorNetSettings(), settings, ranks, device="cpu")
 
 
-def stock(**policy_kwargs: Any) -> RecurrentPPO:
+def stock(rollout_steps: int, **policy_kwargs: Any) -> RecurrentPPO:
     """The library's recurrent PPO with our encoder."""
     net = NavigatorNetSettings()
     return RecurrentPPO(
         "MultiInputLstmPolicy",
         make_env(),
-        n_steps=ROLLOUT_STEPS,
-        batch_size=FRAMES // 2,
+        n_steps=rollout_steps,
+        batch_size=NUM_AGENTS * rollout_steps // 2,
         n_epochs=2,
         device="cpu",
         policy_kwargs={
@@ -66,26 +71,27 @@ def stock(**policy_kwargs: Any) -> RecurrentPPO:
     )
 
 
-VARIANTS: Final[dict[str, Callable[[], Any]]] = {
+VARIANTS: Final[dict[str, Callable[[int], Any]]] = {
     "ours": ours,
     "library": stock,
-    "library, shared LSTM": lambda: stock(shared_lstm=True, enable_critic_lstm=False),
+    "library, shared LSTM": lambda steps: stock(steps, shared_lstm=True, enable_critic_lstm=False),
 }
 
 
-def measure(make: Callable[[], Any], rollouts: int) -> dict[str, float]:
+def measure(variant: str, episodes: str, rollouts: int, rollout_steps: int = ROLLOUT_STEPS) -> dict[str, Any]:
     """Collect and learn; CPU time is split between the two."""
     torch.manual_seed(0)
-    model = make()
-    model.learn(FRAMES)  # the first rollout makes the homes
+    model, frames = VARIANTS[variant](rollout_steps), NUM_AGENTS * rollout_steps
+    with torch.no_grad():
+        model.policy.action_net.bias[Action.STOP] -= EPISODES[episodes]
+    model.learn(frames)  # the first rollout makes the homes
     parts = {"collect_ms": 0.0, "learn_ms": 0.0}
     for name, method in (("collect_ms", "collect_rollouts"), ("learn_ms", "train")):
         setattr(model, method, _timed(getattr(model, method), parts, name))
-    model.learn(rollouts * FRAMES, reset_num_timesteps=False)
-    frames = rollouts * FRAMES
-    return {name: value / frames for name, value in parts.items()} | {
-        "frames_per_core_s": 1000.0 * frames / sum(parts.values())
-    }
+    model.learn(rollouts * frames, reset_num_timesteps=False)
+    per_frame = {name: value / (rollouts * frames) for name, value in parts.items()}
+    rate = 1000.0 / sum(per_frame.values())
+    return {"variant": variant, "episodes": episodes, **per_frame, "frames_per_core_s": rate}
 
 
 def _timed(method: Callable[..., Any], parts: dict[str, float], name: str) -> Callable[..., Any]:
@@ -118,13 +124,23 @@ def _frames_per_s(processes: int, rollouts: int) -> float:
 def run_rank(rollouts: int) -> None:
     """One of the processes of `weak_scaling`; the first prints."""
     ranks = Ranks.join()
-    model = ours(ranks)
-    model.learn(ranks.world * FRAMES)
+    model, frames = ours(ranks=ranks), ranks.world * NUM_AGENTS * ROLLOUT_STEPS
+    model.learn(frames)
     began_s, before = time.monotonic(), model.num_timesteps
-    model.learn(rollouts * ranks.world * FRAMES, reset_num_timesteps=False)
+    model.learn(rollouts * frames, reset_num_timesteps=False)
     if ranks.is_first:
         print((model.num_timesteps - before) / (time.monotonic() - began_s))
     ranks.leave()
+
+
+def compare(first: dict[str, Any], row: dict[str, Any]) -> str:
+    """One line of the table: a row, and how many times more the first one makes of its time."""
+    whole = first["frames_per_core_s"] / row["frames_per_core_s"]
+    return (
+        f"{row['variant']:20}  {row['episodes']:5} episodes: {row['frames_per_core_s']:5.0f} frames per "
+        f"core-second (ours x {whole:.2f}); a frame takes {row['collect_ms']:.2f} ms to collect and "
+        f"{row['learn_ms']:.2f} ms to learn (x {row['learn_ms'] / first['learn_ms']:.1f})"
+    )
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -141,20 +157,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if options.rank_of_scaling is not None:
         run_rank(options.rank_of_scaling)
         return
-    rollouts = 1 if options.quick else options.rollouts
-    rows = {name: measure(make, rollouts) for name, make in VARIANTS.items()}
-    for name, row in rows.items():
-        ratio = rows["ours"]["frames_per_core_s"] / row["frames_per_core_s"]
-        learning = row["learn_ms"] / rows["ours"]["learn_ms"]
-        print(
-            f"{name:22} {row['frames_per_core_s']:6.0f} frames per core-second (ours x {ratio:.2f}); "
-            f"collect {row['collect_ms']:.2f} ms, learn {row['learn_ms']:.2f} ms (x {learning:.1f}) a frame"
-        )
+    rollouts, steps = (1, QUICK_ROLLOUT_STEPS) if options.quick else (options.rollouts, ROLLOUT_STEPS)
+    rows = []
+    for episodes in EPISODES:
+        rows += [measure(variant, episodes, rollouts, steps) for variant in VARIANTS]
+        for row in rows[-len(VARIANTS) :]:
+            print(compare(rows[-len(VARIANTS)], row))
     scaling = {} if options.quick else weak_scaling(rollouts)
     for processes, rate in scaling.items():
         print(f"{processes} process(es): {rate:.0f} frames per second")
     if options.json is not None:
-        options.json.write_text(json.dumps({"variants": rows, "scaling": scaling}, indent=2) + "\n")
+        options.json.write_text(json.dumps({"rows": rows, "frames_per_s": scaling}, indent=2) + "\n")
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -83,6 +84,8 @@ class DistanceToPoint:
         cell = self._grid.cell_at(start_xz)
         if cell is None or np.isinf(self.grid_distance_m[cell[0], cell[1]]):
             return None
+        if self._is_free(start_xz, self._point_xz):
+            return _Way(self._point_xz, None, _length_m(start_xz, self._point_xz))
         flat = self._flat(cell)
         return self._extend(start_xz, self._center(flat), self._way_of(flat))
 
@@ -110,10 +113,9 @@ class DistanceToPoint:
 
     def _is_free(self, from_xz: NDArray[np.float64], to_xz: NDArray[np.float64]) -> bool:
         """Tell whether all cells that a straight line meets, looked at every quarter cell, are navigable."""
-        frame = self._grid.frame
-        count = int(4.0 * np.abs(to_xz - from_xz).max() / frame.cell_m) + 2
-        shares = np.linspace(0.0, 1.0, count)[1:-1, None]
-        cells = ((from_xz + shares * (to_xz - from_xz) - frame.origin_xz) / frame.cell_m).astype(np.int64)
+        frame, way_xz = self._grid.frame, to_xz - from_xz
+        shares = _inner_shares(int(4.0 * max(abs(way_xz[0]), abs(way_xz[1])) / frame.cell_m) + 1)
+        cells = (((from_xz - frame.origin_xz) + shares * way_xz) / frame.cell_m).astype(np.int32)
         return bool(self._grid.navigable[cells[:, 1], cells[:, 0]].all())
 
     def _flat(self, cell: NDArray[np.int64]) -> int:
@@ -135,6 +137,12 @@ class _Way:
     """The way from there; None at the fixed point."""
     length_m: float
     """Its whole length, metres."""
+
+
+@lru_cache(maxsize=1024)
+def _inner_shares(parts: int) -> NDArray[np.float64]:
+    """(parts - 1, 1) where a line is cut into equal parts."""
+    return (np.arange(1, parts) / parts)[:, None]
 
 
 def _length_m(from_xz: NDArray[np.float64], to_xz: NDArray[np.float64]) -> float:
@@ -173,23 +181,41 @@ def draw_goal(
     distance = DistanceToPoint(grid, graph, start_xz)
     over_grid_m = distance.grid_distance_m
     cells = np.argwhere((over_grid_m >= limits.min_m) & (over_grid_m <= limits.max_m))
-    best_xz, best_ratio = None, 0.0
+    refused = []
     for _ in range(MAX_DRAWS if len(cells) else 0):
-        goal_xz = grid.frame.centers_of(cells[rng.integers(len(cells))])[0]
-        length_m = distance(goal_xz)
-        ratio = length_m / float(np.linalg.norm(goal_xz - start_xz))
-        if not limits.min_m <= length_m <= limits.max_m:
+        cell = cells[rng.integers(len(cells))]
+        goal_xz = grid.frame.centers_of(cell)[0]
+        straight_m = _length_m(start_xz, goal_xz)
+        longest_m = over_grid_m[cell[0], cell[1]] + grid.frame.cell_m
+        share = rng.random()
+        if share >= _acceptance(longest_m / straight_m):
+            refused.append(goal_xz)
             continue
-        if rng.random() < _acceptance(ratio):
+        length_m = distance(goal_xz)
+        if limits.min_m <= length_m <= limits.max_m and share < _acceptance(length_m / straight_m):
             return np.asarray(goal_xz)
-        if ratio > best_ratio:
-            best_xz, best_ratio = goal_xz, ratio
-    if best_xz is None:
+        refused.append(goal_xz)
+    if (most_winding_xz := _most_winding(refused, distance, start_xz, limits)) is None:
         raise EpisodeError(
             f"a goal must lie {limits.min_m} to {limits.max_m} m from the start, got none around x, z = "
             f"{start_xz.tolist()}; lower `min_distance_m` or choose another start"
         )
-    return np.asarray(best_xz)
+    return most_winding_xz
+
+
+def _most_winding(
+    goals: list[NDArray[np.float64]],
+    distance: DistanceToPoint,
+    start_xz: NDArray[np.float64],
+    limits: GoalRange,
+) -> NDArray[np.float64] | None:
+    """The goal at an allowed distance whose path is longest for its straight line; None if there is none."""
+    lengths_m = [distance(goal_xz) for goal_xz in goals]
+    ratios = [
+        length_m / _length_m(start_xz, goal_xz) if limits.min_m <= length_m <= limits.max_m else 0.0
+        for goal_xz, length_m in zip(goals, lengths_m, strict=True)
+    ]
+    return np.asarray(goals[int(np.argmax(ratios))]) if any(ratios) else None
 
 
 def _acceptance(ratio: float) -> float:
