@@ -157,8 +157,6 @@ class PlannerSettings:
     """Spacing of the candidate places, metres."""
     failure_radius_m: float = 0.4
     """Places this close to one that failed are left out, metres."""
-    looks_round: bool = False
-    """Whether to turn once round before the first view is planned."""
 
 
 class ViewPlanner:

@@ -87,8 +87,6 @@ class VariabilityGoalWrapper(GoalWrapper):
     def _begin_episode(self) -> None:
         self._view: View | None = None
         self._planner = ViewPlanner(self.planning)
-        if not self.targets and self.planning.looks_round:
-            self.look_round()
 
     def _propose_goal(self) -> Goal | None:
         return self._cluster_goal() if self.targets else self._view_goal(None)

@@ -14,6 +14,7 @@ import torch
 from jsonargparse import ActionYesNo, ArgumentParser
 from tqdm import tqdm
 
+from agents.goal_net import GoalNet
 from agents.occant_model import WEIGHTS_FOLDER, Anticipator, OccAntModel, OccAntSettings, save_model
 from train.command import run_command
 from train.occant.anticipator import (
@@ -23,6 +24,7 @@ from train.occant.anticipator import (
     score_anticipator,
 )
 from train.occant.frames import Frames, FrameSettings, frames_of, training_homes, unseen_homes
+from train.occant.goal_gains import GainLearner, GainLearning, gather_gains
 from train.occant.goal_learning import GoalLearner, GoalLearning, coverage, policy_chooser, random_chooser
 from train.occant.twin import Reward, TwinSettings
 from train.occant.twin_world import TwinWorld
@@ -50,6 +52,8 @@ class OccAntTraining:
     """Homes that the global policy learns in."""
     reward: Reward = "map_accuracy"
     """What the global policy is paid for; `area_seen` for ANS."""
+    gains: GainLearning = field(default_factory=GainLearning)
+    """How the global policy first learns what goals are worth."""
     goals: GoalLearning = field(default_factory=GoalLearning)
     """How the global policy learns."""
     test_episodes: int = 48
@@ -81,6 +85,7 @@ class OccAntTraining:
             frames=replace(self.frames, frames_per_home=30),
             anticipator=replace(self.anticipator, passes=1000),
             goal_homes=3,
+            gains=replace(self.gains, episodes=4, passes=256),
             goals=replace(self.goals, updates=3, envs=4),
             test_episodes=4,
         )
@@ -149,11 +154,12 @@ def format_coverage(policy: dict[str, Any]) -> str:
     ]
     means = "  ".join(f"{sum(part) / len(part):.1f}" for part in parts if part)
     lines = [f"paid for, square metres an episode, by fifths of training: {means}", ""]
-    steps = [0, *(25 * goals for goals in (2, 4, 8, 12, 16, 20))]
+    count = len(next(iter(policy["coverage"].values()))) - 1
+    goals = [round(count * part / 6) for part in range(7)]
+    steps = [policy["steps_per_goal"] * number for number in goals]
     lines.append(f"{'layout seen, %, after steps':32}" + "".join(f"{step:>7}" for step in steps) + "   mean")
     for name, shares in policy["coverage"].items():
-        chosen = [shares[min(step // 25, len(shares) - 1)] for step in steps]
-        cells = [*chosen, sum(shares) / len(shares)]
+        cells = [*(shares[number] for number in goals), sum(shares) / len(shares)]
         lines.append(f"{name:32}" + "".join(f"{100.0 * cell:7.1f}" for cell in cells))
     return "\n".join(lines)
 
@@ -179,7 +185,9 @@ def _learn_to_choose(
 ) -> tuple[GoalLearner, dict[str, Any]]:
     names = training_homes(training.goal_homes)
     worlds = _worlds(training, names, "homes to explore")
-    learner = GoalLearner(training.model, training.twin, training.goals, worlds, anticipator, training.seed)
+    start, errors = _learn_gains(training, worlds, anticipator, out)
+    settings, seed = training.goals, training.seed
+    learner = GoalLearner(training.model, training.twin, settings, worlds, anticipator, seed, start)
     path = out / "policy.safetensors"
     if path.exists():
         learner.load(path)
@@ -187,6 +195,7 @@ def _learn_to_choose(
     unseen = _worlds(training, unseen_homes(training.test_homes), "unseen homes")
     choosers = {
         "random goals": random_chooser(training.model.layout.num_goals),
+        **({"before PPO, likeliest": policy_chooser(start, samples=False)} if start else {}),
         "policy, drawn": policy_chooser(learner.goal_net, samples=True),
         "policy, likeliest": policy_chooser(learner.goal_net, samples=False),
     }
@@ -194,7 +203,25 @@ def _learn_to_choose(
         name: coverage(choose, unseen, training.twin, anticipator, training.test_episodes, training.seed)
         for name, choose in tqdm(choosers.items(), desc="coverage", unit="policy")
     }
-    return learner, {"curve": learner.curve, "coverage": curves}
+    steps = training.twin.steps_per_goal
+    return learner, {"gains": errors, "curve": learner.curve, "coverage": curves, "steps_per_goal": steps}
+
+
+def _learn_gains(
+    training: OccAntTraining, worlds: Sequence[TwinWorld], anticipator: Anticipator | None, out: Path
+) -> tuple[GoalNet | None, list[float]]:
+    """Learn what goals are worth; None if there are no random ones to learn from."""
+    settings, path = training.gains, out / "gains.safetensors"
+    if settings.episodes == 0:
+        return None, []
+    learner = GainLearner(training.model, settings, training.seed)
+    if path.exists():
+        learner.load(path)
+    if learner.num_done < settings.num_batches:
+        kept = out / "random_goals.safetensors"
+        gains = gather_gains(worlds, training.twin, anticipator, settings.episodes, training.seed, kept)
+        _run(learner, learner.learn(gains), settings.num_batches, path, "gains", "batch")
+    return learner.goal_net(), learner.curve
 
 
 def _run(learner: Learner, steps: Iterator[Any], total: int, path: Path, title: str, unit: str) -> None:
@@ -246,6 +273,7 @@ def _training_of(options: Any) -> OccAntTraining:
         anticipator=replace(default.anticipator, passes=options.passes),
         goal_homes=options.goal_homes,
         reward=options.reward or ("map_accuracy" if options.anticipation else "area_seen"),
+        gains=replace(default.gains, episodes=options.gain_episodes, passes=options.gain_passes),
         goals=replace(default.goals, updates=options.updates, envs=options.envs),
         test_episodes=options.test_episodes,
         seed=options.seed,
@@ -272,6 +300,13 @@ def _parser() -> ArgumentParser:
     add("--frames_per_home", type=int, default=default.frames.frames_per_home, help="looks at each of them")
     add("--passes", type=int, default=default.anticipator.passes, help="frames the anticipator looks at")
     add("--goal_homes", type=int, default=default.goal_homes, help="homes the global policy learns in")
+    add(
+        "--gain_episodes",
+        type=int,
+        default=default.gains.episodes,
+        help="episodes of random goals that the global policy starts from; 0 for none",
+    )
+    add("--gain_passes", type=int, default=default.gains.passes, help="random goals it looks at")
     add("--updates", type=int, default=default.goals.updates, help="PPO updates of the global policy")
     add("--envs", type=int, default=default.goals.envs, help="episodes of an update")
     add("--test_homes", type=int, default=default.test_homes, help="homes to evaluate on")

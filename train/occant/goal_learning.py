@@ -33,19 +33,22 @@ Chooser = Callable[[NDArray[np.float32], np.random.Generator], int]
 class GoalLearning:
     """How the global policy learns; numbers of the paper's code in brackets where they differ."""
 
-    updates: int = 110
+    updates: int = 80
     """Rollouts, each followed by the gradient steps on it (1000)."""
-    envs: int = 16
+    value_updates: int = 8
+    """Updates at the start in which only the critic learns, so that its first errors do not spoil the
+    policy that is started from (ours)."""
+    envs: int = 32
     """Episodes of a rollout (36)."""
     epochs: int = 4
     """Passes over a rollout."""
     minibatches: int = 4
     """Batches of a pass."""
-    learning_rate: float = 1e-3
+    learning_rate: float = 5e-4
     """Of Adam (2.5e-4); it falls linearly to a tenth."""
-    gamma: float = 0.95
+    gamma: float = 0.9
     """Discount from goal to goal (0.99)."""
-    gae_lambda: float = 0.8
+    gae_lambda: float = 0.9
     """Of the advantages (0.95)."""
     entropy: float = 1e-3
     """Weight of the entropy."""
@@ -73,10 +76,11 @@ class GoalLearner:
         worlds: Homes to learn in.
         anticipator: Completes looks; frozen.
         seed: Seeds weights, episodes and draws.
+        start: The policy to start from; None for an untrained one.
 
     Source:
-        Occupancy Anticipation: PPO on 20 goals of 25 steps. The anticipator is trained first and does not
-        change, where the paper trains both together.
+        Occupancy Anticipation: PPO on goals that each have a fixed number of steps. The anticipator is
+        trained first and does not change, where the paper trains both together.
     """
 
     def __init__(
@@ -87,6 +91,7 @@ class GoalLearner:
         worlds: Sequence[TwinWorld],
         anticipator: Anticipator | None,
         seed: int,
+        start: GoalNet | None = None,
     ) -> None:
         self.settings, self._twin, self._seed = settings, twin, seed
         self._envs = DummyVecEnv(
@@ -108,7 +113,7 @@ class GoalLearner:
             seed=seed,
             device="cpu",
         )
-        self._begin_with(new_goal_net(model, seed))
+        self._begin_with(start or _nearly_uniform(new_goal_net(model, seed)))
         self.num_done = 0
         self.curve: list[dict[str, float]] = []
         """Of each update: `gain_m2` an episode is paid for, `entropy`, `explained` variance of returns."""
@@ -128,6 +133,7 @@ class GoalLearner:
             seed = int(np.random.default_rng([self._seed, self.num_done]).integers(2**31))
             set_random_seed(seed)
             self._envs.seed(seed)
+            self.goal_net.requires_grad_(self.num_done >= self.settings.value_updates)
             self._ppo.learn(steps)
             assert self._ppo.ep_info_buffer is not None
             gains = [episode["r"] / REWARD_PER_M2 for episode in self._ppo.ep_info_buffer]
@@ -159,10 +165,15 @@ class GoalLearner:
 
     def _begin_with(self, net: GoalNet) -> None:
         self.goal_net.load_state_dict(net.state_dict())
-        last = self.goal_net.layers[-1]
-        assert isinstance(last, torch.nn.Conv2d)
-        with torch.no_grad():
-            last.weight.mul_(FIRST_LOGIT_SHARE)
+
+
+def _nearly_uniform(net: GoalNet) -> GoalNet:
+    """Scale the last layer, so that goals are nearly equally likely."""
+    last = net.layers[-1]
+    assert isinstance(last, torch.nn.Conv2d)
+    with torch.no_grad():
+        last.weight.mul_(FIRST_LOGIT_SHARE)
+    return net
 
 
 def coverage(

@@ -44,10 +44,11 @@ class TwinSettings:
     """How looks become masks."""
     reward: Reward = "map_accuracy"
     """Pay the area that is anticipated rightly, or the area that is seen (paper: both, the former as AR)."""
-    goals: int = 20
-    """Goals of an episode: 500 steps (paper's code)."""
-    steps_per_goal: int = 25
-    """Actions spent on a goal (paper's code)."""
+    goals: int = 10
+    """Goals of an episode: about 1000 steps (20 in the paper's code)."""
+    steps_per_goal: int = 96
+    """Actions spent on a goal: as far as the 25 steps of 25 cm in the paper's code. On a way of 25 short
+    steps the agent hardly gets anywhere, so that all goals pay nearly the same."""
     look_every_steps: int = 5
     """Looks are taken after so many actions: 33 cm, about a step of the paper."""
     walk: WalkSettings = field(default_factory=WalkSettings)
@@ -61,7 +62,7 @@ class OccAntTwinEnv(gymnasium.Env[NDArray[np.float32], np.int64]):
     """Choose goals in a home seen from above.
 
     ## Description
-    The agent's map is empty at first. Each action is a goal for the next 25 steps of 6.5 cm or 10 degrees;
+    The agent's map is empty at first. Each action is a goal for the next 96 steps of 6.5 cm or 10 degrees;
     a planner that takes unseen floor for free walks there, and turns on the spot once it has arrived.
 
     ## Action Space

@@ -20,6 +20,7 @@ TINY = [
     "--width",
     "2",
 ]
+TINY += ["--gain_episodes", "1", "--gain_passes", "64"]
 TINY += ["--passes", "40", "--updates", "2", "--envs", "1", "--test_episodes", "1"]
 
 
@@ -42,8 +43,10 @@ def test_command_trains_writes_goes_on_and_ships(
     assert report["settings"]["reward"] == "map_accuracy"
     assert report["anticipator"]["scores"]["frames"] == 4
     assert len(report["policy"]["curve"]) == 2
-    assert {len(shares) for shares in report["policy"]["coverage"].values()} == {21}
-    kept = {name: (out / name).read_bytes() for name in ("anticipator.safetensors", "policy.safetensors")}
+    assert {len(shares) for shares in report["policy"]["coverage"].values()} == {11}
+    assert len(report["policy"]["gains"]) == 1
+    names = ("anticipator.safetensors", "gains.safetensors", "policy.safetensors")
+    kept = {name: (out / name).read_bytes() for name in names}
     monkeypatch.setattr(command, "WEIGHTS_FOLDER", weights)
     main([*arguments, "--install"])
     assert {name: (out / name).read_bytes() for name in kept} == kept
@@ -80,9 +83,10 @@ def test_at_least_one_home_is_needed() -> None:
 
 
 def test_table_shows_coverage_by_steps() -> None:
-    shares = [0.05 * goal for goal in range(21)]
+    shares = [0.1 * goal for goal in range(13)]
     curve = [{"gain_m2": float(update)} for update in range(10)]
-    text = format_coverage({"curve": curve, "coverage": {"policy": shares}})
+    text = format_coverage({"curve": curve, "coverage": {"policy": shares}, "steps_per_goal": 96})
     assert "0.5  2.5  4.5  6.5  8.5" in text
-    row = text.splitlines()[-1].split()
-    assert row == ["policy", "0.0", "10.0", "20.0", "40.0", "60.0", "80.0", "100.0", "50.0"]
+    header, row = (line.split() for line in text.splitlines()[-2:])
+    assert header[-8:] == ["0", "192", "384", "576", "768", "960", "1152", "mean"]
+    assert row == ["policy", "0.0", "20.0", "40.0", "60.0", "80.0", "100.0", "120.0", "60.0"]

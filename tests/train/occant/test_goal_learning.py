@@ -7,7 +7,7 @@ import torch
 
 from agents.goal_net import GoalNetSettings
 from agents.layout_memory import LayoutSettings
-from agents.occant_model import OccAntModel, OccAntSettings, load_model, save_model
+from agents.occant_model import OccAntModel, OccAntSettings, load_model, new_goal_net, save_model
 from train.occant.goal_learning import GoalLearner, GoalLearning, coverage, policy_chooser, random_chooser
 from train.occant.twin import TwinSettings
 from train.occant.twin_world import TwinWorld
@@ -18,7 +18,7 @@ MODEL = OccAntSettings(
     layout=LayoutSettings(map_cells=160, view_cells=16, pool=4),
 )
 TWIN = TwinSettings(MODEL.layout, MODEL.projection, "area_seen", goals=4, steps_per_goal=10)
-TINY = GoalLearning(updates=3, envs=2, epochs=1, minibatches=2)
+TINY = GoalLearning(updates=3, value_updates=0, envs=2, epochs=1, minibatches=2)
 
 
 def learner_of(world: TwinWorld, settings: GoalLearning = TINY, seed: int = 0) -> GoalLearner:
@@ -63,6 +63,18 @@ def test_ppo_changes_the_actor_which_is_then_a_plain_network(tmp_path: Path, twi
     with torch.no_grad():
         own = learner.goal_net(torch.from_numpy(view)[None])[0].log_softmax(dim=0).numpy()
     assert exported == pytest.approx(own, abs=2e-2)
+
+
+def test_policy_that_is_started_from_stays_until_the_critic_has_learned(twin_rooms: TwinWorld) -> None:
+    start = new_goal_net(MODEL, 7)
+    settings = replace(TINY, updates=2, value_updates=1)
+    learner = GoalLearner(MODEL, TWIN, settings, [twin_rooms], None, 0, start)
+    expected = list(start.state_dict().values())
+    updates = learner.learn()
+    next(updates)
+    assert all(torch.equal(a, b) for a, b in zip(expected, weights_of(learner), strict=True))
+    next(updates)
+    assert any(not torch.equal(a, b) for a, b in zip(expected, weights_of(learner), strict=True))
 
 
 def test_coverage_starts_alike_and_never_falls(twin_rooms: TwinWorld) -> None:
