@@ -13,6 +13,7 @@ from agents.navigator_net import NavigatorNet
 from agents.planning_navigators import PlannerNavigator
 from agents.policy_file import load_policy
 from agents.rollouts import turn_towards
+from agents.weights_identity import WeightsIdentity, weights_digest
 from anm_gym.actions import MOVES, Action
 from anm_gym.geometry import pointgoal
 from anm_gym.wrappers.goal import Goal, GoalWrapper
@@ -65,6 +66,7 @@ class DDPPONavigator(Navigator):
     def __init__(self, env: GoalWrapper, settings: LearnedSettings | None = None, seed: int = 0) -> None:
         self.settings = settings or LearnedSettings()
         self._net: NavigatorNet = load_policy(self.settings.policy)
+        self.policy_identity = WeightsIdentity(self._net.settings.at_work(), weights_digest([self._net]))
         self._planner = PlannerNavigator(env, seed=seed) if self.settings.hands_over else None
         super().__init__(env, seed)
 
@@ -79,6 +81,8 @@ class DDPPONavigator(Navigator):
         self._turn_step_rad = simulator.turn_step_rad
         self._goal: Goal | None = None
         self._is_handed_over = False
+        if self._planner is not None:
+            self._planner.begin_episode()
 
     def _act(self, observation: Any) -> Action:
         if self._is_stuck():

@@ -53,9 +53,13 @@ class Navigator(ABC):
             The action as a () or (1,) int64 array, as the observation is shaped, and the state.
         """
         if episode_start is not None and bool(np.any(episode_start)):
-            self.stopwatch.reset()
-            self._forget()
+            self.begin_episode()
         return actions_for(observation, self._act(observation)), state
+
+    def begin_episode(self) -> None:
+        """Forget the last episode."""
+        self.stopwatch.reset()
+        self._forget()
 
     @abstractmethod
     def _forget(self) -> None:

@@ -8,7 +8,6 @@ import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
-from anm_gym.actions import FORWARD_STEP_M
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.map.reach import ReachableSpace, ReachSettings, reachable_space
 from anm_gym.map.unseen_volume import UnseenByCell, UnseenSettings, unseen_by_cell, unseen_volume
@@ -196,6 +195,6 @@ class NbvGoalWrapper(GoalWrapper):
         ranking = ViewSettings(num_headings=gains.shape[1], fixed_cost_steps=settings.fixed_cost_steps)
         costs = view_costs(positions, lengths_m, self.position_xz, self.heading_rad, ranking)
         if settings.utility == "exponential":
-            gains = gains * np.exp(-settings.decay_per_m * FORWARD_STEP_M * costs)
+            gains = gains * np.exp(-settings.decay_per_m * lengths_m)[:, None]
             return rank_views(positions, gains, np.zeros_like(costs), ranking)
         return rank_views(positions, gains, costs, ranking)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from agents.layout_memory import LayoutMemory, points_to_world, start_poses
 from agents.occant_model import OccAntModel, OccAntSettings, load_model
+from agents.weights_identity import WeightsIdentity
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.geometry import wrap_angle
 from anm_gym.map.projection import count_hits, project_depth, seen_masks
@@ -92,7 +93,7 @@ class OccAntGoalWrapper(GoalWrapper):
     def __init__(
         self,
         env: gymnasium.Env[Observation, np.int64],
-        preset: str = "steps",
+        preset: str = "metres",
         seed: int = 0,
         anticipation: bool = True,
         settings: OccAntGoalSettings | None = None,
@@ -110,6 +111,7 @@ class OccAntGoalWrapper(GoalWrapper):
             raise ValueError(
                 f"`weights` must be of a model with anticipation {anticipation}, got {not anticipation}"
             )
+        self.model_identity: WeightsIdentity = self._model.identity
         self.memory = LayoutMemory(self.model_settings.layout)
         limits = GoalLimits(arrival_m=self.settings.arrival_m, timeout_steps=2**31, review_steps=1)
         super().__init__(env, limits=limits, seed=seed)

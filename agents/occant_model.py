@@ -15,6 +15,7 @@ from torch import Tensor, nn
 from agents.goal_net import GoalNet, GoalNetSettings
 from agents.layout_memory import LayoutSettings
 from agents.occupancy_net import PlainUnet
+from agents.weights_identity import WeightsIdentity, weights_digest
 from anm_gym.errors import PolicyError
 from anm_gym.map.projection import PRESETS, ProjectionSettings
 
@@ -104,6 +105,12 @@ class OccAntModel:
             raise ValueError("`anticipator` must be given if and only if `settings.anticipates`")
         self.settings, self.anticipator = settings, anticipator
         self.goal_net = goal_net.eval()
+
+    @property
+    def identity(self) -> WeightsIdentity:
+        """What tells it from others."""
+        completing = [] if self.anticipator is None else [self.anticipator.net]
+        return WeightsIdentity(self.settings, weights_digest([self.goal_net, *completing]))
 
     @torch.inference_mode()
     def score_goals(self, view: NDArray[np.float32]) -> NDArray[np.float32]:

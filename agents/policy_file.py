@@ -62,7 +62,7 @@ def load_policy(name_or_path: str | Path) -> NavigatorNet:
 
 def _path_of(name_or_path: str | Path) -> Path:
     path = Path(name_or_path)
-    if path.suffix or path.exists():
+    if path.suffix or path.is_file():
         return path
     shipped = WEIGHTS_FOLDER / f"{name_or_path}.safetensors"
     if not shipped.exists():

@@ -6,8 +6,9 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.upen_ensemble import Ensemble, EnsembleIdentity
+from agents.upen_ensemble import Ensemble
 from agents.upen_map import PredictedMap, UpenMapSettings, free_and_unknown
+from agents.weights_identity import WeightsIdentity
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.map.grid_fusion import FloorPose
 from anm_gym.sim.grid import GridFrame
@@ -21,7 +22,7 @@ MARGIN_CELLS = 5
 class FloorIdentity:
     """What tells a predicted floor from others."""
 
-    ensemble: EnsembleIdentity
+    ensemble: WeightsIdentity
     """The predictors."""
     raster: UpenMapSettings
     """Their maps."""

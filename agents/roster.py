@@ -192,8 +192,8 @@ ROSTER: Final = {
     "nbv": AgentSpec(("strong", "exponential"), _nbv, NAVIGATOR_VARIANTS),
     "rh_nbv": AgentSpec(("strong", "paper"), _rh_nbv, NAVIGATOR_VARIANTS),
     "upen": AgentSpec(("strong", "paper", "repo", "metres"), _upen, NAVIGATOR_VARIANTS),
-    "occant": AgentSpec(("steps", "metres"), _occant, NAVIGATOR_VARIANTS),
-    "ans": AgentSpec(("steps", "metres"), _ans, NAVIGATOR_VARIANTS),
+    "occant": AgentSpec(("metres", "steps"), _occant, NAVIGATOR_VARIANTS),
+    "ans": AgentSpec(("metres", "steps"), _ans, NAVIGATOR_VARIANTS),
     "anm": AgentSpec(
         ("best", "fast", "paper", "released"), _anm, (*MAP_VARIANTS, *SELECT_VARIANTS, *NAVIGATOR_VARIANTS)
     ),

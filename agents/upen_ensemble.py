@@ -4,7 +4,6 @@ A member takes the class probabilities of a square around the agent, turned to i
 those of the whole square, also of what was not seen.
 """
 
-import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -19,6 +18,7 @@ from safetensors.torch import save_file
 from torch import Tensor, nn
 
 from agents.occupancy_net import occupancy_net
+from agents.weights_identity import WeightsIdentity, weights_digest
 from anm_gym.errors import PolicyError
 from anm_gym.map.projection import NUM_CLASSES, OCCUPIED, PRESETS, ProjectionSettings
 
@@ -63,16 +63,6 @@ class EnsembleSettings:
         return cls(**{**plain, "projection": ProjectionSettings(**plain["projection"])})
 
 
-@dataclass(frozen=True)
-class EnsembleIdentity:
-    """What tells an ensemble from others, for the settings of a row."""
-
-    settings: EnsembleSettings
-    """What the members are."""
-    weights_hash: str
-    """Hexadecimal digits of their weights."""
-
-
 class Ensemble:
     """Networks of one shape that were trained apart.
 
@@ -92,13 +82,9 @@ class Ensemble:
         self.nets = [channels_last(net.eval()) for net in nets]
 
     @property
-    def identity(self) -> EnsembleIdentity:
+    def identity(self) -> WeightsIdentity:
         """What tells it from others."""
-        total = hashlib.sha256()
-        for net in self.nets:
-            for value in net.state_dict().values():
-                total.update(value.contiguous().cpu().numpy().tobytes())
-        return EnsembleIdentity(self.settings, total.hexdigest()[:12])
+        return WeightsIdentity(self.settings, weights_digest(self.nets))
 
     def predict(self, crop: NDArray[np.float32]) -> NDArray[np.float32]:
         """Complete one square: (3, h, w) to (members, 3, h, w) float32 class probabilities."""

@@ -5,9 +5,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from safetensors import safe_open
+from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor, nn, optim
+
+from anm_gym.errors import PolicyError
 
 _MOMENTS = ("exp_avg", "exp_avg_sq", "step")
 
@@ -42,10 +44,18 @@ def load_progress(path: Path, nets: Mapping[str, nn.Module], optimizer: optim.Op
         path: The file.
         nets: Networks of the same names and shapes.
         optimizer: Adam over the same parameters.
+
+    Raises:
+        PolicyError: If the file cannot be read.
     """
-    with safe_open(str(path), framework="pt") as file:
-        progress: dict[str, Any] = json.loads(file.metadata()["progress"])
-        tensors: dict[str, Tensor] = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    try:
+        with safe_open(str(path), framework="pt") as file:
+            progress: dict[str, Any] = json.loads(file.metadata()["progress"])
+            tensors: dict[str, Tensor] = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    except (OSError, SafetensorError) as error:
+        raise PolicyError(
+            f"the checkpoint {path} must be whole, got {error}; delete it to start anew"
+        ) from error
     for prefix, net in nets.items():
         net.load_state_dict(
             {

@@ -126,6 +126,22 @@ def test_planner_takes_over_where_the_policy_is_stuck_and_the_record_says_so(sea
     assert env.handovers[0].reason == "no progress"
 
 
+def test_second_episode_does_not_depend_on_the_first(seat, habit) -> None:
+    env = seat(2.0, -1.5)
+    navigator = DDPPONavigator(env, habit(LEFT, FORWARD, patience_steps=10, hands_over=True))
+    trails = []
+    for _ in range(2):
+        observation, _ = env.reset(seed=0)
+        trail = []
+        for step in range(40):
+            action, _ = navigator.predict(observation, None, np.array([step == 0]))
+            observation, *_ = env.step(np.int64(action))
+            trail.append(int(action))
+        trails.append(trail)
+    assert env.handovers, "the planner has driven"
+    assert trails[0] == trails[1]
+
+
 def test_same_seed_same_moves(seat, habit) -> None:
     env = seat(2.0, -1.5)
     env.reset(seed=0)

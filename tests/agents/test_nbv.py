@@ -84,6 +84,17 @@ def test_discount_by_length_prefers_what_is_near(explore: Explore, two_rooms: Tr
     assert lengths[5.0] < lengths[0.0]
 
 
+def test_discount_by_length_does_not_count_turns(explore: Explore, two_rooms: TriangleMesh) -> None:
+    env = NbvGoalWrapper(
+        explore(two_rooms, start=IN_THE_LEFT_ROOM), settings=NbvSettings(utility="exponential")
+    )
+    env.reset(seed=0)
+    positions, lengths_m = env.position_xz[None] + [[1.0, 0.0], [0.0, 2.0]], np.array([1.0, 2.0])
+    _, utilities = env._rank(positions, lengths_m, np.ones((2, 4)))
+    assert utilities[0] == pytest.approx(utilities[0, 0])
+    assert utilities[1] / utilities[0] == pytest.approx(np.exp(-0.5))
+
+
 def test_same_seed_proposes_the_same_views(explore: Explore, two_rooms: TriangleMesh) -> None:
     views = []
     for _ in range(2):

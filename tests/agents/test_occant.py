@@ -55,7 +55,7 @@ def occant(explore: Explore, two_rooms: TriangleMesh, weights: Callable[[bool], 
             explore(two_rooms, start=FACING_THE_DOOR),
             anticipation=anticipation,
             weights=weights(anticipation),
-            **options,
+            **({"preset": "steps"} | options),
         )
         env.reset(seed=0)
         return env

@@ -17,7 +17,7 @@ from torch import nn
 from tqdm import tqdm
 
 from agents.navigator_net import NavigatorNet
-from agents.policy_file import save_policy
+from agents.policy_file import load_policy, save_policy
 from train.navigator.checkpoint import Progress, TrainingCheckpoint
 from train.navigator.dagger import Dagger
 from train.navigator.env import NavigationVecEnv
@@ -26,9 +26,12 @@ from train.navigator.ppo import NavigatorPpo
 from train.navigator.presets import NavigatorTraining
 from train.navigator.ranks import Ranks
 from train.provenance import versions
+from train.run_folder import claim_folder
 
 IMITATION: Final = "imitation"
 REINFORCEMENT: Final = "reinforcement"
+DONE: Final = "done"
+WEIGHTS_FILE: Final = "policy.safetensors"
 SAVE_S: Final = 60.0
 """Time between two checkpoints, seconds."""
 EVALUATION_STEPS_M: Final = (0.065, 0.25)
@@ -56,18 +59,20 @@ class NavigatorRun:
 
     def __init__(self, training: NavigatorTraining, folder: Path, ranks: Ranks | None = None) -> None:
         self.training, self.folder, self.ranks = training, folder, ranks or Ranks()
-        folder.mkdir(parents=True, exist_ok=True)
-        self._claim_folder()
+        claim_folder(folder, training.as_dict(), writes=self.ranks.is_first)
         self._checkpoint = TrainingCheckpoint(folder / "checkpoint.safetensors")
         self.progress = self._checkpoint.progress() or Progress(IMITATION)
+        self._kept_stage = self.progress.stage if self._checkpoint.path.exists() else None
         self._saved_s, self._cpu_before_s = time.monotonic(), self.progress.cpu_s - time.process_time()
 
     def train(self) -> NavigatorNet:
-        """Run both stages and write the weights, with a card beside them.
+        """Run both stages and write the weights, with a card beside them; a finished run is read.
 
         Returns:
             The trained network.
         """
+        if self._kept_stage == DONE:
+            return load_policy(self.folder / WEIGHTS_FILE)
         torch.manual_seed(self.training.seed)
         net = NavigatorNet(self.training.net)
         seed = self.training.seed * 1000 + self.ranks.rank + 7919 * self.progress.frames
@@ -82,7 +87,7 @@ class NavigatorRun:
 
     def _imitate(self, net: NavigatorNet, env: NavigationVecEnv, logger: Logger) -> None:
         dagger = Dagger(net, env, self.training.imitation, self.training.seed, self.ranks)
-        if self.progress.frames:
+        if self._kept_stage == IMITATION:
             self._checkpoint.restore(net, dagger.optimizer)
             dagger.frames = self.progress.frames
         recent: deque[dict[str, Any]] = deque(maxlen=WINDOW)
@@ -106,7 +111,7 @@ class NavigatorRun:
         model = NavigatorPpo(
             monitored, self.training.net, settings, self.ranks, self.training.seed, device="cpu"
         )
-        if self.progress.frames:
+        if self._kept_stage == REINFORCEMENT:
             self._checkpoint.restore(model.policy, model.policy.optimizer)
         else:
             model.policy.load_net(net)
@@ -151,7 +156,7 @@ class NavigatorRun:
 
     def _finish(self, net: NavigatorNet) -> None:
         self.progress.cpu_s = self._cpu_before_s + time.process_time()
-        save_policy(net, self.folder / "policy.safetensors")
+        save_policy(net, self.folder / WEIGHTS_FILE)
         card = {
             "training": self.training.as_dict(),
             "processes": self.ranks.world,
@@ -160,14 +165,8 @@ class NavigatorRun:
             "versions": versions(),
         }
         (self.folder / "policy.json").write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
-
-    def _claim_folder(self) -> None:
-        path = self.folder / "settings.json"
-        text = json.dumps(self.training.as_dict(), indent=2) + "\n"
-        if path.exists() and path.read_text(encoding="utf-8") != text:
-            raise ValueError(f"`out` must hold a run with the same settings, got others in {path}")
-        if self.ranks.is_first:
-            path.write_text(text, encoding="utf-8")
+        self.progress.stage = DONE
+        self._checkpoint.save(net, torch.optim.Adam(net.parameters()), self.progress)
 
     def _logger(self) -> Logger:
         if not self.ranks.is_first:

@@ -1,8 +1,8 @@
 """Navigators compared on point-goal episodes: `python -m train.navigator --evaluate`."""
 
 import json
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Container, Iterable, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -10,11 +10,13 @@ from tqdm import tqdm
 
 from agents.navigators import NAVIGATORS
 from agents.policy_file import load_policy
+from agents.weights_identity import WeightsIdentity, weights_digest
 from anm_gym.metrics.intervals import mean_interval, wilson_interval
 from train.command import scene_label
 from train.navigator.driven import play_driven
 from train.navigator.episodes import NavigationEpisode, episodes_of, play_learned
 from train.pool import run_jobs
+from train.provenance import digest
 from train.results import append_row
 from train.tables.text import aligned
 
@@ -22,9 +24,11 @@ IMAGE_PX: Final = 64
 """Rows and columns of everyone's depth image."""
 LEARNED: Final = {"ddppo": "ddppo-plus", "ddppo-plus": "ddppo-plus", "ddppo-star": "ddppo-star"}
 """Navigators whose episodes are played many at a time, and their weights."""
+DRIVEN_BY: Final = {"ddppo+fallback": "ddppo-plus", "ddppo-paper": "ddppo-plus"}
+"""Navigators that are played one episode at a time although a network is in them, and its weights."""
 ALL: Final = "all"
 """Stands for all scenes together."""
-KEY: Final = ("navigator", "scene", "seed", "step_m", "draws")
+KEY: Final = ("navigator", "weights", "scene", "seed", "step_m", "draws")
 Row = dict[str, Any]
 
 
@@ -54,6 +58,9 @@ class NavigationComparison:
                 raise ValueError(f"unknown navigator {name!r}; choose one of: {known}, or give a file")
         if self.episodes < 1:
             raise ValueError(f"`episodes` must be >= 1, got {self.episodes}")
+        labels = [scene_label(scene) for scene in self.scenes]
+        if len(set(labels)) != len(labels):
+            raise ValueError(f"`scenes` must have different names in the rows, got {', '.join(labels)}")
 
 
 @dataclass(frozen=True)
@@ -80,7 +87,7 @@ def compare_navigators(comparison: NavigationComparison, json_path: Path | None 
     """
     path = comparison.out / "episodes.jsonl"
     rows = {_key_of(row): row for row in _read(path)}
-    jobs = [job for job in _jobs(comparison) if any(key not in rows for key in _keys(job))]
+    jobs = [missing for job in _jobs(comparison) if (missing := _without(job, rows)).episodes]
     with tqdm(total=sum(len(job.episodes) for job in jobs), unit="episode") as bar:
         for job, played in run_jobs(play, jobs, comparison.workers):
             for row in played:
@@ -98,8 +105,7 @@ def compare_navigators(comparison: NavigationComparison, json_path: Path | None 
 
 def play(job: Job) -> list[Row]:
     """Play the episodes of a job."""
-    weights = LEARNED.get(job.navigator, job.navigator)
-    if job.navigator in LEARNED or job.navigator not in NAVIGATORS:
+    if (weights := _weights_of(job.navigator)) is not None:
         results = play_learned(load_policy(weights), job.episodes, deterministic=job.deterministic)
     else:
         results = [play_driven(job.navigator, episode, IMAGE_PX) for episode in job.episodes]
@@ -170,10 +176,33 @@ def _jobs(comparison: NavigationComparison) -> list[Job]:
     ]
 
 
+def _without(job: Job, rows: Container[tuple[Any, ...]]) -> Job:
+    """The episodes of a job that have no row yet."""
+    missing = [one for key, one in zip(_keys(job), job.episodes, strict=True) if key not in rows]
+    return replace(job, episodes=tuple(missing))
+
+
 def _keys(job: Job) -> list[tuple[Any, ...]]:
-    is_drawn = job.navigator in LEARNED or job.navigator not in NAVIGATORS
-    draws = ("argmax" if job.deterministic else "sampled") if is_drawn else "own"
-    return [(job.navigator, scene_label(one.scene), one.seed, one.step_m, draws) for one in job.episodes]
+    is_learned = _weights_of(job.navigator) is not None
+    draws = ("argmax" if job.deterministic else "sampled") if is_learned else "own"
+    identity = policy_digest(job.navigator)
+    return [
+        (job.navigator, identity, scene_label(one.scene), one.seed, one.step_m, draws) for one in job.episodes
+    ]
+
+
+def _weights_of(navigator: str) -> str | None:
+    """The weights of a navigator whose episodes are played many at a time; None for the others."""
+    return LEARNED.get(navigator, None if navigator in NAVIGATORS else navigator)
+
+
+def policy_digest(navigator: str) -> str:
+    """What tells a navigator's network from an older one of the same name; empty if it has none."""
+    weights = _weights_of(navigator) or DRIVEN_BY.get(navigator)
+    if weights is None:
+        return ""
+    net = load_policy(weights)
+    return digest(asdict(WeightsIdentity(net.settings.at_work(), weights_digest([net]))))
 
 
 def _key_of(row: Row) -> tuple[Any, ...]:

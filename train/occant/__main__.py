@@ -29,6 +29,7 @@ from train.occant.goal_learning import GoalLearner, GoalLearning, coverage, poli
 from train.occant.twin import Reward, TwinSettings
 from train.occant.twin_world import TwinWorld
 from train.provenance import versions
+from train.run_folder import claim_folder
 
 CHECKPOINT_S: Final = 20.0
 """Seconds between two checkpoints."""
@@ -64,6 +65,7 @@ class OccAntTraining:
     def __post_init__(self) -> None:
         if min(self.frame_homes, self.test_homes, self.goal_homes, self.test_episodes) < 1:
             raise ValueError("`frame_homes`, `test_homes`, `goal_homes` and `test_episodes` must be >= 1")
+        _ = self.twin  # checks the reward before anything is trained
 
     @property
     def twin(self) -> TwinSettings:
@@ -116,7 +118,7 @@ def train(training: OccAntTraining, out: Path) -> tuple[OccAntModel, dict[str, A
     Raises:
         ValueError: If `out` holds a run with other settings.
     """
-    _claim(training, out)
+    claim_folder(out, asdict(training))
     report: dict[str, Any] = {"settings": json.loads(json.dumps(asdict(training))), "versions": versions()}
     anticipator = None
     if training.model.anticipates:
@@ -195,7 +197,7 @@ def _learn_to_choose(
     unseen = _worlds(training, unseen_homes(training.test_homes), "unseen homes")
     choosers = {
         "random goals": random_chooser(training.model.layout.num_goals),
-        **({"before PPO, likeliest": policy_chooser(start, samples=False)} if start else {}),
+        **({"before PPO, drawn": policy_chooser(start, samples=True)} if start else {}),
         "policy, drawn": policy_chooser(learner.goal_net, samples=True),
         "policy, likeliest": policy_chooser(learner.goal_net, samples=False),
     }
@@ -248,15 +250,6 @@ def _gather(training: OccAntTraining, homes: Sequence[str], out: Path, title: st
 def _worlds(training: OccAntTraining, homes: Sequence[str], title: str) -> list[TwinWorld]:
     cell_m = training.model.layout.cell_m
     return [TwinWorld.of(home, cell_m) for home in tqdm(homes, desc=title, unit="home")]
-
-
-def _claim(training: OccAntTraining, out: Path) -> None:
-    """Write the settings into the folder, or check that they are those of the run that is there."""
-    path, text = out / "settings.json", json.dumps(asdict(training), indent=2)
-    if path.exists() and path.read_text(encoding="utf-8").strip() != text:
-        raise ValueError(f"`out` must be empty or hold a run with the same settings, got {str(out)!r}")
-    out.mkdir(parents=True, exist_ok=True)
-    path.write_text(text + "\n", encoding="utf-8")
 
 
 def _paths(text: str | None) -> list[Path]:

@@ -5,7 +5,7 @@ Nothing is rendered: a home is a raster of heights, and a look marks the cells t
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final, Literal, final
+from typing import Any, Final, Literal, final, get_args
 
 import gymnasium
 import numpy as np
@@ -55,6 +55,10 @@ class TwinSettings:
     """How goals are walked to."""
     fan: FanSettings = field(default_factory=FanSettings)
     """The camera's rays."""
+
+    def __post_init__(self) -> None:
+        if self.reward not in get_args(Reward):
+            raise ValueError(f"`reward` must be one of {', '.join(get_args(Reward))}, got {self.reward!r}")
 
 
 @final

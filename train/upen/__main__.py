@@ -18,6 +18,7 @@ from tqdm import tqdm
 from agents.upen_ensemble import SHIPPED, Ensemble, EnsembleSettings, save_ensemble
 from train.command import run_command
 from train.provenance import versions
+from train.run_folder import claim_folder
 from train.upen.data import Crops, CropSettings, class_shares, crops_of, test_homes, training_homes
 from train.upen.learning import Learner, LearningSettings, homes_of_member
 from train.upen.scores import evaluate, format_scores
@@ -77,7 +78,7 @@ def train(training: UpenTraining, out: Path) -> tuple[Ensemble, dict[str, Any]]:
     Raises:
         ValueError: If `out` holds a run with other settings.
     """
-    _claim(training, out)
+    claim_folder(out, asdict(training))
     seen = _gather(training, training_homes(training.homes), out, "homes to learn from")
     unseen = _gather(training, test_homes(training.test_homes), out, "unseen homes")
     learners = [_learn(training, member, seen, out) for member in range(training.raster.members)]
@@ -113,15 +114,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         save_ensemble(ensemble, SHIPPED, is_half=True)
     print(format_scores(report["scores"]))
     print(f"ensemble: {SHIPPED if options.install else out / SHIPPED.name}")
-
-
-def _claim(training: UpenTraining, out: Path) -> None:
-    """Write the settings into the folder, or check that they are those of the run that is there."""
-    path, text = out / "settings.json", json.dumps(asdict(training), indent=2)
-    if path.exists() and path.read_text(encoding="utf-8").strip() != text:
-        raise ValueError(f"`out` must be empty or hold a run with the same settings, got {str(out)!r}")
-    out.mkdir(parents=True, exist_ok=True)
-    path.write_text(text + "\n", encoding="utf-8")
 
 
 def _gather(training: UpenTraining, homes: Sequence[str], out: Path, title: str) -> list[Crops]:

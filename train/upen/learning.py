@@ -1,26 +1,26 @@
 """Learning of one member of UPEN's ensemble, in checkpoints that a killed run goes on from."""
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Literal, final
+from typing import Final, Literal, final, get_args
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from safetensors import safe_open
-from safetensors.torch import save_file
 from torch import Tensor, nn
 
 from agents.upen_ensemble import EnsembleSettings, channels_last, new_net
+from train.progress_file import load_progress, save_progress
 from train.upen.data import LEVELS, Crops
 
 BETAS: Final = (0.5, 0.999)
 """Of Adam (UPEN's code)."""
 CURVE_BATCHES: Final = 50
 """Batches whose mean loss is a point of the curve."""
-_MOMENTS = ("exp_avg", "exp_avg_sq", "step")
+
+
+Split = Literal["overlap", "disjoint"]
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class LearningSettings:
     """Share of the learning rate that is left at the end; it falls exponentially."""
     mirrors: bool = True
     """Whether every second crop is mirrored, left to right."""
-    split: Literal["overlap", "disjoint"] = "overlap"
+    split: Split = "overlap"
     """`overlap`: each member learns from its own random share of the homes (paper); `disjoint`: the homes
     are dealt out, no two members see the same."""
     share: float = 0.7
@@ -46,6 +46,8 @@ class LearningSettings:
     def __post_init__(self) -> None:
         if self.passes < 1 or self.batch < 1:
             raise ValueError(f"`passes` and `batch` must be >= 1, got {self.passes} and {self.batch}")
+        if self.split not in get_args(Split):
+            raise ValueError(f"`split` must be one of {', '.join(get_args(Split))}, got {self.split!r}")
         if not 0.0 < self.share <= 1.0:
             raise ValueError(f"`share` must be in (0, 1], got {self.share}")
 
@@ -100,30 +102,12 @@ class Learner:
 
     def save(self, path: Path) -> None:
         """Keep weights, optimiser and curve; the file appears whole or not at all."""
-        tensors = {f"net.{name}": value.contiguous() for name, value in self.net.state_dict().items()}
-        for index, state in self.optimizer.state_dict()["state"].items():
-            tensors |= {f"adam.{index}.{name}": state[name].contiguous() for name in _MOMENTS}
-        plain = {"num_done": self.num_done, "curve": self.curve, "losses": self._losses}
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial = path.with_name(path.name + ".partial")
-        save_file(tensors, partial, metadata={"progress": json.dumps(plain)})
-        partial.replace(path)
+        progress = {"num_done": self.num_done, "curve": self.curve, "losses": self._losses}
+        save_progress(path, {"net": self.net}, self.optimizer, progress)
 
     def load(self, path: Path) -> None:
         """Go back to what `save` kept."""
-        with safe_open(str(path), framework="pt") as file:
-            progress: dict[str, Any] = json.loads(file.metadata()["progress"])
-            tensors: dict[str, Tensor] = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-        self.net.load_state_dict(
-            {name.removeprefix("net."): value for name, value in tensors.items() if name.startswith("net.")}
-        )
-        state = self.optimizer.state_dict()
-        count = len(state["param_groups"][0]["params"])
-        if progress["num_done"]:
-            state["state"] = {
-                index: {name: tensors[f"adam.{index}.{name}"] for name in _MOMENTS} for index in range(count)
-            }
-            self.optimizer.load_state_dict(state)
+        progress = load_progress(path, {"net": self.net}, self.optimizer)
         self.num_done, self.curve, self._losses = (progress[k] for k in ("num_done", "curve", "losses"))
 
     def _draw(self, crops: Crops) -> tuple[Tensor, Tensor]:

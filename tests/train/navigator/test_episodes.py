@@ -1,5 +1,7 @@
 """Episodes for comparison: the same for everyone, played side by side or one by one."""
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,7 +11,7 @@ from agents.navigator_net import NavigatorNet, NavigatorNetSettings
 from agents.policy_file import save_policy
 from train.navigator.driven import play_driven
 from train.navigator.episodes import RESULTS, NavigationEpisode, episodes_of, play_learned
-from train.navigator.table import NavigationComparison, compare_navigators, summarise
+from train.navigator.table import NavigationComparison, compare_navigators, policy_digest, summarise
 
 SCENES = ["home:studio:1", "home:studio:2"]
 
@@ -75,6 +77,39 @@ def test_table_goes_on_where_it_stopped(net: NavigatorNet, tmp_path: Path, monke
     monkeypatch.setattr("train.navigator.table.play", None)
     assert compare_navigators(comparison) == lines
     assert (tmp_path / "table.json").read_text().count('"success"') == 3
+
+
+def test_rows_of_other_weights_are_not_taken_for_new_ones(net: NavigatorNet, tmp_path: Path) -> None:
+    path = tmp_path / "walker.safetensors"
+    save_policy(net, path)
+    comparison = NavigationComparison(
+        [str(path)], SCENES[:1], 1, 0.25, deterministic=True, workers=0, out=tmp_path
+    )
+    before = policy_digest(str(path))
+    compare_navigators(comparison)
+    with torch.no_grad():
+        net.actor.bias += 0.1
+    save_policy(net, path)
+    assert policy_digest(str(path)) != before
+    compare_navigators(comparison)
+    assert len((tmp_path / "episodes.jsonl").read_text().splitlines()) == 2
+
+
+def test_missing_episodes_alone_are_played(net: NavigatorNet, tmp_path: Path) -> None:
+    path = tmp_path / "walker.safetensors"
+    save_policy(net, path)
+    comparison = NavigationComparison(
+        [str(path)], SCENES[:1], 1, 0.25, deterministic=True, workers=0, out=tmp_path
+    )
+    compare_navigators(comparison)
+    compare_navigators(replace(comparison, episodes=2))
+    rows = [json.loads(line) for line in (tmp_path / "episodes.jsonl").read_text().splitlines()]
+    assert [row["seed"] for row in rows] == [0, 1]
+
+
+def test_scenes_must_have_different_names() -> None:
+    with pytest.raises(ValueError, match="`scenes` must have different names in the rows, got mesh, mesh"):
+        NavigationComparison(["oracle"], ["a/mesh.ply", "b/mesh.ply"], 1, 0.25, deterministic=False)
 
 
 def test_line_of_the_table_is_what_a_hand_counts() -> None:

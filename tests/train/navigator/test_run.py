@@ -10,14 +10,15 @@ from pathlib import Path
 
 import pytest
 import torch
+from safetensors.torch import load_file
 
 from agents.navigator_net import NavigatorNetSettings
 from agents.policy_file import load_policy
 from train.navigator.dagger import DaggerSettings
 from train.navigator.env import DomainSettings
-from train.navigator.ppo import PpoSettings
+from train.navigator.ppo import NavigatorPpo, PpoSettings
 from train.navigator.presets import PRESETS, VARIANTS, NavigatorTraining, training_of
-from train.navigator.run import IMITATION, REINFORCEMENT, NavigatorRun
+from train.navigator.run import DONE, IMITATION, REINFORCEMENT, NavigatorRun
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -63,8 +64,42 @@ def test_run_goes_on_from_its_checkpoint(training: NavigatorTraining, tmp_path: 
     assert again.progress.frames == 256
     monkeypatch.setattr("train.navigator.run.Dagger.rounds", lambda _: stages.append("imitation") or iter(()))
     again.train()
-    assert again.progress.stage == REINFORCEMENT
+    assert again.progress.stage == DONE
     assert stages == ["imitation"], "the stage is entered, and is over at once"
+
+
+def test_kill_in_the_first_rollout_of_reinforcement_keeps_what_was_imitated(
+    training: NavigatorTraining, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("train.navigator.run.SAVE_S", -1.0)
+
+    def crash(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("train.navigator.run._Watch._on_step", crash)
+        with pytest.raises(KeyboardInterrupt):
+            NavigatorRun(training, tmp_path).train()
+    kept = load_file(tmp_path / "checkpoint.safetensors")
+    again, begun = NavigatorRun(training, tmp_path), {}
+    assert (again.progress.stage, again.progress.frames) == (REINFORCEMENT, 0)
+
+    def note(model: NavigatorPpo, *_: object, **__: object) -> None:
+        begun.update({name: values.clone() for name, values in model.policy.state_dict().items()})
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("train.navigator.run.NavigatorPpo.learn", note)
+    with pytest.raises(KeyboardInterrupt):
+        again.train()
+    assert all(torch.equal(values, kept[f"module/{name}"]) for name, values in begun.items())
+
+
+def test_finished_run_is_read_and_not_done_again(training: NavigatorTraining, tmp_path: Path) -> None:
+    net = NavigatorRun(training, tmp_path).train()
+    before = (tmp_path / "policy.safetensors").stat().st_mtime_ns
+    again = NavigatorRun(training, tmp_path).train()
+    assert (tmp_path / "policy.safetensors").stat().st_mtime_ns == before
+    assert all(torch.equal(values, net.state_dict()[name]) for name, values in again.state_dict().items())
 
 
 @pytest.mark.slow
@@ -83,7 +118,7 @@ def test_killed_command_goes_on(tmp_path: Path) -> None:
 
 def test_other_settings_are_refused_in_the_same_folder(training: NavigatorTraining, tmp_path: Path) -> None:
     NavigatorRun(training, tmp_path)
-    with pytest.raises(ValueError, match="`out` must hold a run with the same settings, got others in "):
+    with pytest.raises(ValueError, match="`out` must be empty or hold a run with the same settings"):
         NavigatorRun(replace(training, seed=1), tmp_path)
 
 
