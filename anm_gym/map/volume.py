@@ -34,6 +34,7 @@ class ObservedVolume:
         columns = np.linspace(0, camera.width_px - 1, min(image_px, camera.width_px)).round().astype(int)
         self._pixels = (rows[:, None] * camera.width_px + columns).ravel()
         self._rays = camera.directions.reshape(-1, 3)[self._pixels].T.astype(np.float64)
+        self._empty_range_m = min(max_range_m, camera.max_depth_m) if camera.min_depth_m == 0.0 else 0.0
         self._steps = np.arange(0.0, max_range_m, voxel_m, dtype=np.float32) + 0.5 * voxel_m
         self.low_index = np.zeros(3, np.int64)
         self.states: NDArray[np.uint8] = np.zeros((0, 0, 0), np.uint8)
@@ -42,14 +43,17 @@ class ObservedVolume:
         """Mark what one posed depth image shows.
 
         Args:
-            depth_m: (H, W) or (H, W, 1) float32 planar depth, metres; 0 is empty and says nothing.
+            depth_m: (H, W) or (H, W, 1) float32 planar depth, metres; 0 is empty. Nothing is there then as
+                far as the camera sees, so that the ray passes free space; or else what is imagined behind
+                a missing ceiling is looked for again and again. A camera that also leaves out what is too
+                near says nothing by an empty pixel.
             world_from_camera: (4, 4) pose.
         """
-        depth = depth_m.reshape(-1)[self._pixels]
-        seen = np.flatnonzero(depth > 0.0)
-        depth, center = depth[seen], world_from_camera[:3, 3:].astype(np.float32)
-        rays = (world_from_camera[:3, :3] @ self._rays[:, seen]).astype(np.float32)
-        reach = np.minimum(depth, np.float32(self.max_range_m))
+        measured, center = depth_m.reshape(-1)[self._pixels], world_from_camera[:3, 3:].astype(np.float32)
+        depth = np.where(measured > 0.0, measured, np.float32(np.inf))
+        rays = (world_from_camera[:3, :3] @ self._rays).astype(np.float32)
+        reach = np.minimum(depth, np.where(measured > 0.0, self.max_range_m, self._empty_range_m))
+        reach = reach.astype(np.float32)
         ends = center + rays * reach
         self._cover(np.concatenate([ends, center], axis=1))
         self._free(center, rays, np.searchsorted(self._steps, reach - np.float32(1.5 * self.voxel_m)))

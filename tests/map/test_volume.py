@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -34,8 +36,17 @@ def test_hits_are_never_erased(tour) -> None:
     assert (volume.state_at(centers) == OCCUPIED).all()
 
 
-def test_empty_pixels_say_nothing(tour) -> None:
-    volume = ObservedVolume(tour.camera)
+def test_rays_that_meet_nothing_are_free_as_far_as_the_camera_sees(tour) -> None:
+    volume = ObservedVolume(replace(tour.camera, max_depth_m=5.0))
+    volume.integrate(np.zeros((64, 64), np.float32), tour.poses[0])
+    x, y, z = tour.poses[0][:3, 3]
+    ahead = np.array([[x, y, z - 1.0], [x, y, z - 4.5], [x, y, z - 5.5], [x, y, z + 1.0]])
+    assert volume.state_at(ahead).tolist() == [FREE, FREE, UNKNOWN, UNKNOWN]
+    assert not (volume.states == OCCUPIED).any()
+
+
+def test_empty_pixels_of_a_camera_that_is_blind_near_by_say_nothing(tour) -> None:
+    volume = ObservedVolume(replace(tour.camera, min_depth_m=0.2))
     volume.integrate(np.zeros((64, 64), np.float32), tour.poses[0])
     assert (volume.states == UNKNOWN).all()
 
