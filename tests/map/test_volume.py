@@ -39,9 +39,9 @@ def test_hits_are_never_erased(tour) -> None:
 def test_rays_that_meet_nothing_are_free_as_far_as_the_camera_sees(tour) -> None:
     volume = ObservedVolume(replace(tour.camera, max_depth_m=5.0))
     volume.integrate(np.zeros((64, 64), np.float32), tour.poses[0])
-    x, y, z = tour.poses[0][:3, 3]
-    ahead = np.array([[x, y, z - 1.0], [x, y, z - 4.5], [x, y, z - 5.5], [x, y, z + 1.0]])
-    assert volume.state_at(ahead).tolist() == [FREE, FREE, UNKNOWN, UNKNOWN]
+    ray = tour.poses[0][:3, :3] @ tour.camera.directions[31, 31]
+    along = tour.poses[0][:3, 3] + np.array([[1.0], [4.5], [5.5], [-1.0]]) * ray
+    assert volume.state_at(along).tolist() == [FREE, FREE, UNKNOWN, UNKNOWN]
     assert not (volume.states == OCCUPIED).any()
 
 
