@@ -60,7 +60,7 @@ class OccAntGoalSettings:
 PRESETS: Final = {
     "steps": OccAntGoalSettings(),
     "metres": OccAntGoalSettings(
-        interval_steps=150, interval_m=PAPER_INTERVAL_STEPS * PAPER_STEP_M, waits=False
+        interval_steps=150, interval_m=PAPER_INTERVAL_STEPS * PAPER_STEP_M, waits=False, samples=True
     ),
 }
 """`steps`: a goal every 25 steps, as published, although these are a quarter as long here; `metres`: every

@@ -7,7 +7,7 @@ import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 
 from anm_gym.envs.mesh_env import MeshEnv, Observation
-from anm_gym.metrics.oracle import GoalPose, GreedyCoverage
+from anm_gym.metrics.oracle import GoalPose, GreedyCoverage, OracleSettings
 from anm_gym.metrics.table_cache import load_view_table
 from anm_gym.sim.simulator import Simulator
 from anm_gym.wrappers.goal import Goal, GoalLimits, GoalWrapper
@@ -49,10 +49,15 @@ class OracleCoverageGoalWrapper(GoalWrapper):
             self._simulator = env.simulator
             component = env.simulator.grid.component_at(self.position_xz)
             table = load_view_table(env.scene.storey_mesh, env.simulator, max(component, 1))
-            self._planner = GreedyCoverage(table, env.simulator.grid)
+            self._planner = GreedyCoverage(table, env.simulator.grid, self._settings())
         self._planner.reset()
         self._target: GoalPose | None = None
         self._num_failures = 0
+
+    def _settings(self) -> OracleSettings:
+        """Tours reach to the end of the episode, where it has one."""
+        budget = None if self.env.spec is None else self.env.spec.max_episode_steps
+        return OracleSettings() if budget is None else OracleSettings(horizon_steps=budget)
 
     def _see(self, observation: Observation) -> None:
         with self.stopwatch("goal"):

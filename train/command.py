@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from anm_gym.errors import AnmError
+from train.pool import WorkerError
 
 
 def split_list(text: str | Sequence[str]) -> list[str]:
@@ -46,7 +47,7 @@ def run_command(main: Callable[[], Any]) -> None:
     """Run a command's body; errors about the world or the arguments end as one line, exit code 2."""
     try:
         main()
-    except (AnmError, ValueError, FileNotFoundError) as error:
+    except (AnmError, ValueError, OSError, WorkerError) as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:

@@ -13,6 +13,10 @@ IDLE_TIMEOUT_S: Final = 20
 """A worker whose parent was killed ends by itself after so long without work."""
 
 
+class WorkerError(RuntimeError):
+    """A worker process ended before its work did."""
+
+
 def prepare_worker() -> None:
     """Hold torch to one thread, for repeatable rows and comparable times.
 
@@ -39,7 +43,7 @@ def run_jobs(
 
     Raises:
         ValueError: If `workers` is negative.
-        RuntimeError: If a worker process was killed from outside.
+        WorkerError: If a worker process was killed from outside.
     """
     if workers < 0:
         raise ValueError(f"`workers` must be >= 0, got {workers}")
@@ -67,7 +71,7 @@ def _run_in_processes(
         for future in as_completed(futures):
             yield futures[future], future.result()
     except BrokenProcessPool as error:
-        raise RuntimeError(
+        raise WorkerError(
             "a worker process was killed, out of memory perhaps; the same command goes on from here, "
             f"with a smaller `--workers` than {workers} if need be"
         ) from error

@@ -182,7 +182,8 @@ def _calibration(out: Path, table: Table, rows: Sequence[Row]) -> str:
     note = (
         "Over the zero-crossings that a view planner may consider. AUROC: chance that unseen surface has a "
         "higher variability than seen surface, false surface (5 cm or more off) than true; 0.5 is chance. "
-        "AUSE: 0 if variability sorts by the true error, about 1 or more if it does not. Then the map where "
+        "AUSE: 0 if variability sorts by the true error; chance gives mostly 0.5 to 0.9, as the errors are "
+        "spread. Then the map where "
         "it has seen: distance predicted on seen surface, error in crossed free space, share of it taken "
         "for solid."
     )

@@ -62,7 +62,7 @@ def load_map(path: str | Path, *, device: str = "cpu") -> NeuralMap:
         device: Where the network will live.
 
     Returns:
-        A map that predicts the same and can go on learning, bit for bit on the CPU.
+        A map that predicts the same, bit for bit on the CPU, and can go on learning.
         Its top-down occupancy is not stored; it starts anew with the next frame.
 
     Raises:

@@ -69,7 +69,10 @@ class SurfaceCloud:
         return int((~known).sum())
 
     def distance_of(self, points: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Distance of (N, 3) points to the nearest kept point, (N,) float32 metres."""
+        """Distance of (N, 3) points to the nearest kept point, (N,) float32 metres.
+
+        The tree is rebuilt when the cloud has grown by 2 %, so on a CPU the newest points may be missing.
+        """
         nearest, _ = self._current_tree().query(points)
         return np.asarray(nearest, np.float32)
 

@@ -11,7 +11,7 @@ class Reliability:
     """Predicted against true errors, in bins of equally many points, the surest first."""
 
     predicted_std_m: NDArray[np.float64]
-    """(B,) mean predicted standard deviation of each bin, metres."""
+    """(B,) root mean square of the predicted standard deviations of each bin, metres."""
     rms_error_m: NDArray[np.float64]
     """(B,) root of the mean squared error of each bin, metres."""
     counts: NDArray[np.int64]
@@ -110,7 +110,7 @@ def reliability(predicted_std_m: ArrayLike, error_m: ArrayLike, bins: int = 10) 
         raise ValueError(f"`bins` must be >= 1, got {bins}")
     parts = [part for part in np.array_split(np.argsort(std, kind="stable"), bins) if len(part)]
     return Reliability(
-        np.array([std[part].mean() for part in parts], np.float64),
+        np.array([np.sqrt((std[part] ** 2).mean()) for part in parts], np.float64),
         np.array([np.sqrt((error[part] ** 2).mean()) for part in parts], np.float64),
         np.array([len(part) for part in parts], np.int64),
     )

@@ -10,6 +10,7 @@ import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 
 from anm_gym.envs.mesh_env import Observation
+from anm_gym.errors import MapError
 from anm_gym.geometry import forward_xz, heading_of
 from anm_gym.map.occupancy import OccupancyGrid, OccupancySettings
 from anm_gym.wrappers.goal import CONTACT_REACH_M
@@ -83,5 +84,5 @@ def has_occupancy(env: gymnasium.Env[Any, Any]) -> bool:
     """Tell whether an environment or a wrapper in it keeps an occupancy grid."""
     try:
         return env.has_wrapper_attr("occupancy")
-    except gymnasium.error.ResetNeeded:  # a goal wrapper, which has one from `reset` on
+    except (gymnasium.error.ResetNeeded, MapError):  # a goal wrapper, which has one from `reset` on
         return True

@@ -89,3 +89,10 @@ def test_unequal_lengths_are_refused():
 def test_no_bins_are_refused():
     with pytest.raises(ValueError, match="`bins` must be >= 1, got 0"):
         reliability([1.0], [1.0], bins=0)
+
+
+def test_calibrated_deviations_of_any_spread_are_reliable() -> None:
+    rng = np.random.default_rng(0)
+    std_m = np.exp(rng.standard_normal(200_000))
+    found = reliability(std_m, std_m * rng.standard_normal(200_000))
+    assert found.rms_error_m / found.predicted_std_m == pytest.approx(1.0, abs=0.1)

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from train.pool import run_jobs
+from train.pool import WorkerError, run_jobs
 
 
 @pytest.fixture
@@ -31,7 +31,7 @@ def test_every_worker_has_one_thread_and_keeps_subnormal_numbers(conditions):
 
 
 def test_killed_worker_is_named(die):
-    with pytest.raises(RuntimeError, match="a worker process was killed, out of memory perhaps"):
+    with pytest.raises(WorkerError, match="a worker process was killed, out of memory perhaps"):
         list(run_jobs(die, [1], workers=1))
 
 

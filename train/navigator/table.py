@@ -206,7 +206,7 @@ def policy_digest(navigator: str) -> str:
 
 
 def _key_of(row: Row) -> tuple[Any, ...]:
-    return tuple(row[name] for name in KEY)
+    return tuple(row.get(name) for name in KEY)
 
 
 def _read(path: Path) -> list[Row]:

@@ -13,10 +13,12 @@ from jsonargparse import ActionYesNo, ArgumentParser
 
 from anm_gym.scenes.datasets import ROOT_VARIABLE
 from train.command import parse_seeds, run_command, split_list
+from train.episodes import split_agent
 from train.evaluate import add_backend_options, backend_of, report_failures
 from train.protocols import PROTOCOLS, Protocol, open_protocol
 from train.report import write_report
 from train.results import Row, write_json
+from train.tables.measures import agent_name
 from train.tables.result import format_result, make_result, result_as_json
 from train.tables.rosters import TABLES, split_known
 from train.tables.run import QUICK_OPTIONS, QUICK_SEEDS, QUICK_STEPS, TableRun, play_table
@@ -62,10 +64,13 @@ def play_command(arguments: Sequence[str] | None = None) -> Played:
     wanted = split_list(options.agents) if options.agents else spec.agents(options.preset)
     known, missing = split_known(wanted)
     run = _run_of(options, known)
+    reference = spec.reference.format(preset=options.preset)
+    if options.reference:
+        reference = agent_name(*split_agent(options.reference))
+        if reference not in {agent_name(*split_agent(agent)) for agent in known}:
+            raise ValueError(f"`reference` must be one of {', '.join(known)}, got {options.reference!r}")
     rows = play_table(run, backend_of(options, run.out))
-    return Played(
-        options, run, rows, missing, options.reference or spec.reference.format(preset=options.preset)
-    )
+    return Played(options, run, rows, missing, reference)
 
 
 def _run_of(options: Any, agents: Sequence[str]) -> TableRun:
@@ -75,7 +80,8 @@ def _run_of(options: Any, agents: Sequence[str]) -> TableRun:
     seeds = parse_seeds(options.seeds or str(DEFAULT_SEEDS))
     if options.quick and not options.seeds:
         seeds = list(QUICK_SEEDS[options.table])
-    name = protocol.base + ("-quick" if options.quick else "")
+    # Another budget has a folder of its own: trajectories are not named after it.
+    name = f"{protocol.base}-quick" if options.quick else protocol.name
     return TableRun(
         agents,
         protocol,

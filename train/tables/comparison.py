@@ -146,9 +146,8 @@ def mean_reliability(rows: Iterable[Mapping[str, Any]]) -> NDArray[np.float64]:
     if most == 0:
         return np.zeros((0, 2))
     stacked = np.stack([each for each in found if len(each) == most])
-    std_m = np.average(stacked[..., 0], axis=0, weights=stacked[..., 2])
-    mean_square = np.average(stacked[..., 1] ** 2, axis=0, weights=stacked[..., 2])
-    return np.stack([std_m, np.sqrt(mean_square)], axis=1)
+    weights = np.broadcast_to(stacked[..., 2:], stacked[..., :2].shape)
+    return np.asarray(np.sqrt(np.average(stacked[..., :2] ** 2, axis=0, weights=weights)))
 
 
 def _agent_line(agent: str, preset: str, rows: Sequence[Row]) -> AgentLine:

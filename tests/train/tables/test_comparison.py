@@ -66,7 +66,9 @@ def test_reliability_is_averaged_bin_by_bin():
     rows = [make_row(reliability=[[0.1, 0.3, 10], [0.5, 0.0, 10]])]
     rows += [make_row(reliability=[[0.4, 0.6, 20], [0.5, 0.3, 10]]), make_row(reliability=[[9.0, 9.0, 1]])]
     rows += [make_row(), make_row(reliability=None), make_row(reliability=[])]
-    expected = [[0.3, math.sqrt((0.09 + 2 * 0.36) / 3)], [0.5, math.sqrt(0.045)]]
+    # Mean squares on either side: a mean of deviations would make a calibrated map look too sure.
+    predicted = math.sqrt((0.01 + 2 * 0.16) / 3)
+    expected = [[predicted, math.sqrt((0.09 + 2 * 0.36) / 3)], [0.5, math.sqrt(0.045)]]
     np.testing.assert_allclose(mean_reliability(rows), expected)
 
 
