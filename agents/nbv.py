@@ -192,7 +192,13 @@ class NbvGoalWrapper(GoalWrapper):
     ) -> tuple[View, NDArray[np.float64]]:
         """The best view and the (P, H) utilities of all."""
         settings = self.settings
-        ranking = ViewSettings(num_headings=gains.shape[1], fixed_cost_steps=settings.fixed_cost_steps)
+        forward_step_m, turn_step_rad = self.step_sizes
+        ranking = ViewSettings(
+            num_headings=gains.shape[1],
+            fixed_cost_steps=settings.fixed_cost_steps,
+            forward_step_m=forward_step_m,
+            turn_step_rad=turn_step_rad,
+        )
         costs = view_costs(positions, lengths_m, self.position_xz, self.heading_rad, ranking)
         if settings.utility == "exponential":
             gains = gains * np.exp(-settings.decay_per_m * lengths_m)[:, None]

@@ -1,5 +1,6 @@
 """Goals of a planner that knows the mesh: the upper bound that tables are normalised by."""
 
+from dataclasses import replace
 from typing import Final, final
 
 import gymnasium
@@ -55,9 +56,11 @@ class OracleCoverageGoalWrapper(GoalWrapper):
         self._num_failures = 0
 
     def _settings(self) -> OracleSettings:
-        """Tours reach to the end of the episode, where it has one."""
+        """The agent's own steps; tours reach to the end of the episode, where it has one."""
+        forward_step_m, turn_step_rad = self.step_sizes
+        settings = OracleSettings(forward_step_m=forward_step_m, turn_step_rad=turn_step_rad)
         budget = None if self.env.spec is None else self.env.spec.max_episode_steps
-        return OracleSettings() if budget is None else OracleSettings(horizon_steps=budget)
+        return settings if budget is None else replace(settings, horizon_steps=budget)
 
     def _see(self, observation: Observation) -> None:
         with self.stopwatch("goal"):

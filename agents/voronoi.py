@@ -117,7 +117,7 @@ class VoronoiGoalWrapper(GoalWrapper):
 
     def _begin_episode(self) -> None:
         self.look_round()
-        self._planner = ViewPlanner(self.settings.planning)
+        self._planner = ViewPlanner(self.settings.planning.for_steps(*self.step_sizes))
 
     def _propose_goal(self) -> Goal | None:
         views = self._views(None)

@@ -6,13 +6,12 @@
 3. Each place and heading is ranked by the variable surface in view per step of cost.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from anm_gym.actions import FORWARD_STEP_M
 from anm_gym.map.cloud import SurfaceCloud
 from anm_gym.map.neural_map import NeuralMap
 from anm_gym.map.reach import ReachableSpace, ReachSettings, reachable_space
@@ -158,6 +157,11 @@ class PlannerSettings:
     failure_radius_m: float = 0.4
     """Places this close to one that failed are left out, metres."""
 
+    def for_steps(self, forward_step_m: float, turn_step_rad: float) -> "PlannerSettings":
+        """The same for an agent with other steps."""
+        views = replace(self.views, forward_step_m=forward_step_m, turn_step_rad=turn_step_rad)
+        return replace(self, views=views)
+
 
 class ViewPlanner:
     """Choose where to go and where to look, within one episode.
@@ -279,7 +283,9 @@ class ViewPlanner:
             far = gaps > self.settings.failure_radius_m
             positions, distances = positions[far], distances[far]
         promise = self._promise(positions, surface)
-        rate = promise / (distances / FORWARD_STEP_M + self.settings.views.fixed_cost_steps)
+        rate = promise / (
+            distances / self.settings.views.forward_step_m + self.settings.views.fixed_cost_steps
+        )
         best = np.argsort(-rate, kind="stable")[: self.settings.views.max_places]
         first = [] if current is None else [current.position_xz]
         first_cost = [space.cost_to(place, self.settings.place_spacing_m) for place in first]

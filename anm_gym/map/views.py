@@ -36,6 +36,10 @@ class ViewSettings:
     """Added to each cost, so that a glance close by does not beat a good view, steps."""
     num_headings: int = 36
     """Headings of each place."""
+    forward_step_m: float = FORWARD_STEP_M
+    """Length of the agent's forward step, metres; goal wrappers set it to that of the environment."""
+    turn_step_rad: float = float(np.deg2rad(TURN_STEP_DEG))
+    """Angle of its turn, radians; likewise."""
 
 
 @dataclass(frozen=True)
@@ -159,17 +163,18 @@ def view_costs(
         distances_m: (P,) length of the path to each, or more where it is tight.
         agent_xz: (2,) where the agent is.
         agent_heading_rad: Where it looks.
-        settings: Number of headings.
+        settings: Number of headings, and the agent's steps.
 
     Returns:
         (P, H) steps: forward steps, the turn onto the path and the turn at its end.
     """
     delta = positions_xz - agent_xz
-    travel = np.where(distances_m > FORWARD_STEP_M, np.arctan2(-delta[:, 0], -delta[:, 1]), agent_heading_rad)
+    goes = distances_m > settings.forward_step_m
+    travel = np.where(goes, np.arctan2(-delta[:, 0], -delta[:, 1]), agent_heading_rad)
     headings = 2.0 * np.pi * np.arange(settings.num_headings) / settings.num_headings
     turns = np.abs(_wrap(travel - agent_heading_rad))[:, None] + np.abs(_wrap(headings - travel[:, None]))
-    steps = distances_m / FORWARD_STEP_M
-    return np.asarray(steps[:, None] + turns / np.deg2rad(TURN_STEP_DEG))
+    steps = distances_m / settings.forward_step_m
+    return np.asarray(steps[:, None] + turns / settings.turn_step_rad)
 
 
 def rank_views(

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from anm_gym.actions import FORWARD_STEP_M, TURN_STEP_DEG
 from anm_gym.geometry import CameraSpec
 from anm_gym.metrics.completion import THRESHOLD_M
 from anm_gym.metrics.depth_view import depth_view
@@ -24,6 +25,10 @@ from anm_gym.sim.traversable import TraversableGrid
 class OracleSettings:
     """How far and how hard the planner looks ahead."""
 
+    forward_step_m: float = FORWARD_STEP_M
+    """Length of the agent's forward step, metres."""
+    turn_step_rad: float = float(np.deg2rad(TURN_STEP_DEG))
+    """Angle of its turn, radians."""
     horizon_steps: int = 1000
     """Budget of the episode, steps; tours reach to its end."""
     overhead_steps: float = 3.0
@@ -81,7 +86,12 @@ class GreedyCoverage:
         """
         self.settings = settings or OracleSettings()
         self._table, self._seed = table, seed
-        self._ways = WayPlanner(table, grid)
+        self._ways = WayPlanner(
+            table,
+            grid,
+            forward_step_m=self.settings.forward_step_m,
+            turn_step_rad=self.settings.turn_step_rad,
+        )
         self._blocks = SampleBlocks(table.points)
         self._tour_bits = np.ascontiguousarray(table.bits[:, :, :: self.settings.tour_stride])
         self.reset()

@@ -8,7 +8,6 @@ import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
-from anm_gym.actions import FORWARD_STEP_M, TURN_STEP_DEG
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.geometry import heading_towards, wrap_angle
 from anm_gym.map.frontier import Frontier, find_frontiers
@@ -17,8 +16,6 @@ from anm_gym.sim.geodesic import GridGraph, nearest_free_cell
 from anm_gym.sim.grid import GridFrame
 from anm_gym.wrappers.goal import Goal, GoalLimits, GoalWrapper
 
-TURN_COST_M: Final = FORWARD_STEP_M / np.deg2rad(TURN_STEP_DEG)
-"""A turn of a radian takes as many steps as a walk of this length, metres."""
 SAME_M: Final = 0.75
 """Goals this close to each other are at the same frontier, metres."""
 
@@ -187,10 +184,13 @@ class FrontierGoalWrapper(GoalWrapper):
         space = reachable_space(self.occupancy, self.position_xz)
         if space is None:
             return []
+        forward_step_m, turn_step_rad = self.step_sizes
+        # A turn of a radian takes as many steps as a walk of this length.
+        turn_cost_m = forward_step_m / turn_step_rad
         ranked = []
         for frontier in frontiers:
             turn_rad = wrap_angle(heading_towards(self.position_xz, frontier.center_xz) - self.heading_rad)
-            cost = space.cost_to(frontier.center_xz, tolerance_m=0.3) + TURN_COST_M * abs(turn_rad)
+            cost = space.cost_to(frontier.center_xz, tolerance_m=0.3) + turn_cost_m * abs(turn_rad)
             heading = frontier.outward_rad if self.settings.looks_outward else None
             goal = Goal(frontier.center_xz, heading, "frontier")
             ranked.append((cost, goal))

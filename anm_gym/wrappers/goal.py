@@ -182,6 +182,12 @@ class GoalWrapper(
         """
         self.handovers.append(Goal(self.goal.position_xz, self.goal.heading_rad, reason))
 
+    @property
+    def step_sizes(self) -> tuple[float, float]:
+        """Length of the agent's forward step, metres, and angle of its turn, radians."""
+        simulator = self.get_wrapper_attr("simulator")
+        return simulator.forward_step_m, simulator.turn_step_rad
+
     def look_round(self) -> None:
         """Turn once round on the spot before the next goal is proposed; sources call this."""
         self._sweep_rad = [

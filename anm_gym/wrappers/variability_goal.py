@@ -86,7 +86,7 @@ class VariabilityGoalWrapper(GoalWrapper):
 
     def _begin_episode(self) -> None:
         self._view: View | None = None
-        self._planner = ViewPlanner(self.planning)
+        self._planner = ViewPlanner(self.planning.for_steps(*self.step_sizes))
 
     def _propose_goal(self) -> Goal | None:
         return self._cluster_goal() if self.targets else self._view_goal(None)

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -107,3 +109,11 @@ def test_nothing_is_seen_where_there_is_nothing(volume: ObservedVolume) -> None:
         0,
         4,
     )
+
+
+def test_costs_are_in_the_steps_of_the_agent() -> None:
+    positions, distances_m = np.array([[0.0, -1.0]]), np.array([1.0])
+    own = replace(SETTINGS, forward_step_m=0.25, turn_step_rad=np.pi / 6.0)
+    costs = view_costs(positions, distances_m, np.zeros(2), 0.0, own)
+    assert costs[0, 0] == pytest.approx(4.0)
+    assert costs[0, SETTINGS.num_headings // 2] == pytest.approx(4.0 + 6.0)

@@ -12,8 +12,8 @@ SCENE = "home:studio:0"
 CAMERA = {"width_px": 48, "height_px": 48}
 
 
-def mapped() -> NeuralMapWrapper:
-    explore = gymnasium.make("anm_gym:ANM/Explore-v0", scene=SCENE, camera=CAMERA)
+def mapped(**options: float) -> NeuralMapWrapper:
+    explore = gymnasium.make("anm_gym:ANM/Explore-v0", scene=SCENE, camera=CAMERA, **options)
     return NeuralMapWrapper(explore, preset="fast")
 
 
@@ -31,6 +31,13 @@ def test_best_view_is_on_known_free_floor_with_a_heading() -> None:
     assert observation["pointgoal_with_gps_compass"].dtype == np.float32
     cell = env.occupancy.frame.cells_of(goal.position_xz)[0]
     assert env.occupancy.clearance_m[cell[0], cell[1]] > 0.05
+
+
+def test_views_are_planned_in_the_steps_of_the_environment() -> None:
+    env = VariabilityGoalWrapper(mapped(forward_step_m=0.25, turn_step_deg=30.0), preset="best")
+    env.reset(seed=0)
+    views = env._planner.settings.views
+    assert (views.forward_step_m, views.turn_step_rad) == (0.25, pytest.approx(np.pi / 6.0))
 
 
 def test_paper_goal_is_a_cluster_of_variable_surface() -> None:
