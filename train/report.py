@@ -53,12 +53,14 @@ def write_report(out: Path, rows: Sequence[Row], title: str) -> Path:
     """
     table = make_table(rows)
     good = [row for row in with_oracle_share(rows) if not row.get("error")]
-    steps, metres = load_curves(out, good)
-    curves = completion_figure(steps, metres, table.steps, out / "curves.png") if good else out / "none"
+    shared_steps = min(table.steps_by_scene.values())
+    steps, metres = load_curves(out, good, shared_steps)
+    curves = completion_figure(steps, metres, shared_steps, out / "curves.png") if good else out / "none"
+    about = f"Completion over the {shared_steps} steps that all scenes have, and over metres walked in them."
     sections = [
         Section("Comparison", _measured(table, MEASURES) + _table_notes(table)),
         Section("Paired differences", _differences(table, good)),
-        Section("Completion", html.image(curves, "Completion ratio over steps and over metres travelled.")),
+        Section("Completion", html.image(curves, about)),
         Section("By scene", _by_scene(good)),
         Section("As the released evaluation measures", _measured(table, OFFICIAL_MEASURES)),
         Section("CPU time", _compute(good)),
@@ -72,8 +74,13 @@ def write_report(out: Path, rows: Sequence[Row], title: str) -> Path:
     return html.write_page(out / "report.html", html.page(title, subtitle, [s for s in sections if s.body]))
 
 
-def load_curves(out: Path, rows: Sequence[Row]) -> tuple[dict[str, list[Curve]], dict[str, list[Curve]]]:
-    """Read the episodes' completion curves by agent: over steps, and over metres."""
+def load_curves(
+    out: Path, rows: Sequence[Row], max_steps: int
+) -> tuple[dict[str, list[Curve]], dict[str, list[Curve]]]:
+    """Read the first steps of the completion curves by agent: over steps, and over metres.
+
+    Curves of unlike length have no mean, so all end at a budget that every episode had.
+    """
     steps: dict[str, list[Curve]] = defaultdict(list)
     metres: dict[str, list[Curve]] = defaultdict(list)
     for row in rows:
@@ -81,10 +88,10 @@ def load_curves(out: Path, rows: Sequence[Row]) -> tuple[dict[str, list[Curve]],
         if not path.is_file():
             continue
         trajectory = Trajectory.load(path)
-        y = trajectory.curves["comp_pct"]
+        y = trajectory.curves["comp_pct"][: max_steps + 1]
         name = agent_name(row["agent"], row["preset"])
         steps[name].append(Curve(np.arange(len(y), dtype=np.float64), y))
-        metres[name].append(Curve(trajectory.path_m, y))
+        metres[name].append(Curve(trajectory.path_m[: len(y)], y))
     return dict(steps), dict(metres)
 
 

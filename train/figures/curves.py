@@ -101,7 +101,7 @@ def gather_curves(run: Path) -> CompletionCurves:
 
 
 def _panel(run: Path, steps: int, rows: Sequence[Row]) -> Panel:
-    curves, _ = load_curves(run, rows)
+    curves, _ = load_curves(run, rows, steps)
     x = _whole_steps(steps)
     bands = {name: _band(found, x) for name, found in curves.items()}
     best_first = sorted(bands, key=lambda name: -bands[name].mean[-1])
