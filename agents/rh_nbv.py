@@ -140,12 +140,14 @@ class RhNbvGoalWrapper(GoalWrapper):
         self, space: ReachableSpace, old_branch: list[NDArray[np.float64]]
     ) -> tuple[ViewTree, list[Look]]:
         """Grow a tree, and a larger one until some sequence of looks shows something."""
+        forward_step_m, turn_step_rad = self.step_sizes
+        worth = replace(self.settings.looks, turn_cost_m=forward_step_m / turn_step_rad)
         growth = self.settings.tree
         while True:
             tree = grow_view_tree(space, self.position_xz, old_branch, growth, self.rng)
             unseen = self._views.by_cell(tree.positions_xz)
             self._forget_reached(tree.positions_xz, unseen.share)
-            looks = best_looks(tree, unseen, self.heading_rad, self.settings.looks, self.rng)
+            looks = best_looks(tree, unseen, self.heading_rad, worth, self.rng)
             if looks or growth.iterations >= self.settings.max_iterations:
                 return tree, looks
             growth = replace(growth, iterations=2 * growth.iterations)

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from anm_gym.actions import FORWARD_STEP_M, TURN_STEP_DEG
 from anm_gym.geometry import heading_towards, wrap_angle
 from anm_gym.map.reach import ReachableSpace
 from anm_gym.map.unseen_volume import UnseenByCell
 from anm_gym.sim.grid_planning import PathTree, RrtSettings, grow_tree, line_is_free
-from anm_gym.wrappers.frontier_goal import TURN_COST_M
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +90,8 @@ class LookSettings:
     """Count what an earlier look shows only once."""
     counts_turns: bool = True
     """Count turns as the lengths that take as many steps."""
+    turn_cost_m: float = float(FORWARD_STEP_M / np.deg2rad(TURN_STEP_DEG))
+    """Length that takes as many steps as a turn of a radian, metres; the goal wrapper sets it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,9 +174,11 @@ def _look(
     if settings.counts_turns:
         travel_rad = before.heading_rad
         if len(way) > 1:
-            cost_m += TURN_COST_M * abs(wrap_angle(heading_towards(places[0], places[1]) - travel_rad))
+            cost_m += settings.turn_cost_m * abs(
+                wrap_angle(heading_towards(places[0], places[1]) - travel_rad)
+            )
             travel_rad = heading_towards(places[-2], places[-1])
-        turns_m = TURN_COST_M * np.abs((headings - travel_rad + np.pi) % (2.0 * np.pi) - np.pi)
+        turns_m = settings.turn_cost_m * np.abs((headings - travel_rad + np.pi) % (2.0 * np.pi) - np.pi)
     gains = unseen.share[node, choices] @ before.left_m3
     gains[gains < settings.min_gain_m3] = 0.0
     worth = gains * np.exp(-settings.decay_per_m * (cost_m + turns_m))
