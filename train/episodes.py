@@ -16,7 +16,7 @@ from train.command import episode_name, scene_label
 from train.pictures import write_topdown
 from train.provenance import digest, effective_settings, geometry_digest, versions
 from train.recorder import EpisodeRecorder, Progress, SimulatorClock, find_attribute
-from train.results import ROW_FIELDS, Key, Row, row_key
+from train.results import MAP_LEFT_OUT, ROW_FIELDS, Key, Row, row_key
 from train.runner import EpisodeRecord, run_episode
 from train.scores import make_meter, map_scores, trail_scores
 from train.trajectory import Trajectory
@@ -153,7 +153,8 @@ def run_job(job: Job, progress: Progress | None = None) -> Episode:
     record = run_episode(agent.env, agent.policy, job.seed, recorder, job.start)
     trajectory = recorder.trajectory(job.scene, job.seed, _options_of(job))
     settings = effective_settings(agent.env, agent.policy)
-    neural_map = find_attribute(agent.env, "neural_map") if job.with_maps else None
+    neural_map = find_attribute(agent.env, "neural_map")
+    is_scored = neural_map is not None and job.with_maps
     limits = find_attribute(agent.env, "limits")
     failures = attribute(trajectory, limits and limits.arrival_m)
     row = {
@@ -166,7 +167,8 @@ def run_job(job: Job, progress: Progress | None = None) -> Episode:
         "attribution": failures.as_row(),
         **record.scores,
         **trail_scores(recorder.meter, trajectory, job.steps),
-        **(map_scores(neural_map, scene_of(env)) if neural_map is not None else {}),
+        **(map_scores(neural_map, scene_of(env)) if is_scored else {}),
+        MAP_LEFT_OUT: neural_map is not None and not is_scored,
     }
     return Episode(agent.env, record, trajectory, row, settings)
 

@@ -17,7 +17,7 @@ from train.backends import BACKENDS, Backend, run_on
 from train.command import parse_seeds, run_command, scene_label, split_list
 from train.episodes import Job, play, split_agent
 from train.report import write_report
-from train.results import Row, append_row, finished_keys, read_rows, row_key
+from train.results import MAP_LEFT_OUT, Row, append_row, finished_keys, read_rows, row_key
 from train.tables.comparison import make_table
 from train.tables.measures import agent_name
 from train.tables.text import format_table, table_as_json
@@ -104,7 +104,7 @@ def play_missing(
     """Play the jobs that have no row in a run's folder yet and append theirs.
 
     Args:
-        jobs: The episodes.
+        jobs: The episodes; one whose map is to be scored is played again if that was left out.
         out: The run's folder.
         backend: Where to play.
         play: Plays one job and returns its row.
@@ -113,8 +113,9 @@ def play_missing(
         The rows of exactly these jobs, in their order.
     """
     path = out / ROWS_FILE
-    finished = finished_keys(read_rows(path))
-    missing = [job for job in jobs if job.key not in finished]
+    rows = read_rows(path)
+    finished, scored = finished_keys(rows), finished_keys(row for row in rows if not row.get(MAP_LEFT_OUT))
+    missing = [job for job in jobs if job.key not in (scored if job.with_maps else finished)]
     bar = tqdm(total=len(jobs), initial=len(jobs) - len(missing), unit="episode", smoothing=0.1)
     with bar:
         for job, row in run_on(backend, play, missing):

@@ -25,6 +25,9 @@ ROW_FIELDS: Final = (
 )
 """The fields that every row has; a measure that does not exist (a map's, without a map) is null."""
 
+MAP_LEFT_OUT: Final = "map_left_out"
+"""Field that tells whether there was a map that nobody scored, so that its measures are still missing."""
+
 
 def row_key(row: Mapping[str, Any]) -> Key:
     """Name the episode of a row: equal keys are the same episode under the same protocol."""

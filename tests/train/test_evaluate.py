@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -79,6 +80,17 @@ def test_torn_row_and_failed_episode_are_run_again(tmp_path, play, played):
     rows = evaluate(evaluation, backend=HERE, play=play)
     assert played == [bad.key, torn.key]
     assert [row["comp_pct"] for row in rows] == [1.0, 10.0, 20.0]
+
+
+def test_map_that_was_left_out_is_scored_when_it_is_asked_for(tmp_path, play, played):
+    evaluation = make_evaluation(tmp_path, agents=["random"], scenes=["a.glb"], with_maps=False)
+    with_map, without = evaluation.jobs()[:2]
+    append_row(tmp_path / ROWS_FILE, with_map.identity | {"comp_pct": 1.0, "map_left_out": True})
+    append_row(tmp_path / ROWS_FILE, without.identity | {"comp_pct": 2.0, "map_left_out": False})
+    evaluate(replace(evaluation, seeds=(0, 1)), backend=HERE, play=play)
+    assert played == []
+    evaluate(replace(evaluation, seeds=(0, 1), with_maps=True), backend=HERE, play=play)
+    assert played == [with_map.key]
 
 
 @pytest.mark.slow
