@@ -71,14 +71,13 @@ class DDPPONavigator(Navigator):
         super().__init__(env, seed)
 
     def _forget(self) -> None:
-        simulator = self.env.get_wrapper_attr("simulator")
+        forward_step_m, self._turn_step_rad = self.env.step_sizes
         camera = self.env.get_wrapper_attr("camera")
         self._observer = NavigationObserver(
-            1, camera, camera.sensor_height_m, simulator.forward_step_m, self._net.settings.at_work()
+            1, camera, camera.sensor_height_m, forward_step_m, self._net.settings.at_work()
         )
         self._policy = LearnedPolicy(self._net, 1, self._seed, deterministic=self.settings.deterministic)
         self._rng = np.random.default_rng(self._seed)
-        self._turn_step_rad = simulator.turn_step_rad
         self._goal: Goal | None = None
         self._is_handed_over = False
         if self._planner is not None:

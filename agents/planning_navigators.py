@@ -65,8 +65,7 @@ class PlanningNavigator(Navigator):
         """What is known of the floor now."""
 
     def _forget(self) -> None:
-        simulator = self.env.get_wrapper_attr("simulator")
-        self._rollouts = RolloutSettings(simulator.forward_step_m, simulator.turn_step_rad)
+        self._rollouts = RolloutSettings(*self.env.step_sizes)
         self._rng = np.random.default_rng(self._seed)
         self._last: Action | None = None
         self._last_xz = np.full(2, np.inf)

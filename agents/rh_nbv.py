@@ -140,8 +140,7 @@ class RhNbvGoalWrapper(GoalWrapper):
         self, space: ReachableSpace, old_branch: list[NDArray[np.float64]]
     ) -> tuple[ViewTree, list[Look]]:
         """Grow a tree, and a larger one until some sequence of looks shows something."""
-        forward_step_m, turn_step_rad = self.step_sizes
-        worth = replace(self.settings.looks, turn_cost_m=forward_step_m / turn_step_rad)
+        worth = replace(self.settings.looks, turn_cost_m=self.turn_cost_m)
         growth = self.settings.tree
         while True:
             tree = grow_view_tree(space, self.position_xz, old_branch, growth, self.rng)

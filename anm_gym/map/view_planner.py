@@ -283,10 +283,9 @@ class ViewPlanner:
             far = gaps > self.settings.failure_radius_m
             positions, distances = positions[far], distances[far]
         promise = self._promise(positions, surface)
-        rate = promise / (
-            distances / self.settings.views.forward_step_m + self.settings.views.fixed_cost_steps
-        )
-        best = np.argsort(-rate, kind="stable")[: self.settings.views.max_places]
+        views = self.settings.views
+        rate = promise / (distances / views.forward_step_m + views.fixed_cost_steps)
+        best = np.argsort(-rate, kind="stable")[: views.max_places]
         first = [] if current is None else [current.position_xz]
         first_cost = [space.cost_to(place, self.settings.place_spacing_m) for place in first]
         return (

@@ -49,15 +49,15 @@ class ObservedVolume:
                 near says nothing by an empty pixel.
             world_from_camera: (4, 4) pose.
         """
-        measured, center = depth_m.reshape(-1)[self._pixels], world_from_camera[:3, 3:].astype(np.float32)
-        depth = np.where(measured > 0.0, measured, np.float32(np.inf))
+        depth, center = depth_m.reshape(-1)[self._pixels], world_from_camera[:3, 3:].astype(np.float32)
         rays = (world_from_camera[:3, :3] @ self._rays).astype(np.float32)
-        reach = np.minimum(depth, np.where(measured > 0.0, self.max_range_m, self._empty_range_m))
-        reach = reach.astype(np.float32)
+        is_hit = (depth > 0.0) & (depth <= self.max_range_m)
+        farthest_m = np.where(depth > 0.0, self.max_range_m, self._empty_range_m).astype(np.float32)
+        reach = np.where(is_hit, depth, farthest_m)
         ends = center + rays * reach
         self._cover(np.concatenate([ends, center], axis=1))
         self._free(center, rays, np.searchsorted(self._steps, reach - np.float32(1.5 * self.voxel_m)))
-        hits = self._index_of(ends[:, depth <= self.max_range_m])
+        hits = self._index_of(ends[:, is_hit])
         self.states[hits[0], hits[1], hits[2]] = OCCUPIED
 
     def state_at(self, points: NDArray[np.floating]) -> NDArray[np.uint8]:

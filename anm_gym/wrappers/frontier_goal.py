@@ -184,10 +184,7 @@ class FrontierGoalWrapper(GoalWrapper):
         space = reachable_space(self.occupancy, self.position_xz)
         if space is None:
             return []
-        forward_step_m, turn_step_rad = self.step_sizes
-        # A turn of a radian takes as many steps as a walk of this length.
-        turn_cost_m = forward_step_m / turn_step_rad
-        ranked = []
+        ranked, turn_cost_m = [], self.turn_cost_m
         for frontier in frontiers:
             turn_rad = wrap_angle(heading_towards(self.position_xz, frontier.center_xz) - self.heading_rad)
             cost = space.cost_to(frontier.center_xz, tolerance_m=0.3) + turn_cost_m * abs(turn_rad)

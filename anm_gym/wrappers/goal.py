@@ -188,6 +188,12 @@ class GoalWrapper(
         simulator = self.get_wrapper_attr("simulator")
         return simulator.forward_step_m, simulator.turn_step_rad
 
+    @property
+    def turn_cost_m(self) -> float:
+        """Length of a walk that takes as many steps as a turn of a radian, metres."""
+        forward_step_m, turn_step_rad = self.step_sizes
+        return forward_step_m / turn_step_rad
+
     def look_round(self) -> None:
         """Turn once round on the spot before the next goal is proposed; sources call this."""
         self._sweep_rad = [

@@ -73,6 +73,8 @@ class Job:
     """Whether it takes the likeliest action."""
     episodes: tuple[NavigationEpisode, ...]
     """What to play."""
+    weights: str = ""
+    """See `policy_digest`; found once for all jobs, as it reads the weights."""
 
 
 def compare_navigators(comparison: NavigationComparison, json_path: Path | None = None) -> list[Row]:
@@ -87,14 +89,15 @@ def compare_navigators(comparison: NavigationComparison, json_path: Path | None 
     """
     path = comparison.out / "episodes.jsonl"
     rows = {_key_of(row): row for row in _read(path)}
-    jobs = [missing for job in _jobs(comparison) if (missing := _without(job, rows)).episodes]
+    asked = _jobs(comparison)
+    jobs = [missing for job in asked if (missing := _without(job, rows)).episodes]
     with tqdm(total=sum(len(job.episodes) for job in jobs), unit="episode") as bar:
         for job, played in run_jobs(play, jobs, comparison.workers):
             for row in played:
                 append_row(path, row)
                 rows[_key_of(row)] = row
             bar.update(len(job.episodes))
-    wanted = [rows[key] for job in _jobs(comparison) for key in _keys(job)]
+    wanted = [rows[key] for job in asked for key in _keys(job)]
     lines = [line for name in comparison.navigators for line in _lines(name, wanted)]
     print("\n".join(_as_text(lines)))
     if json_path is not None:
@@ -168,8 +171,9 @@ def _estimate(line: Row, key: str) -> str:
 def _jobs(comparison: NavigationComparison) -> list[Job]:
     episodes = episodes_of(comparison.scenes, comparison.episodes, comparison.step_m)
     by_scene = [tuple(one for one in episodes if one.scene == name) for name in comparison.scenes]
+    digests = {name: policy_digest(name) for name in comparison.navigators}
     return [
-        Job(name, comparison.deterministic, some)
+        Job(name, comparison.deterministic, some, digests[name])
         for name in comparison.navigators
         for some in by_scene
         if some
@@ -185,9 +189,9 @@ def _without(job: Job, rows: Container[tuple[Any, ...]]) -> Job:
 def _keys(job: Job) -> list[tuple[Any, ...]]:
     is_learned = _weights_of(job.navigator) is not None
     draws = ("argmax" if job.deterministic else "sampled") if is_learned else "own"
-    identity = policy_digest(job.navigator)
     return [
-        (job.navigator, identity, scene_label(one.scene), one.seed, one.step_m, draws) for one in job.episodes
+        (job.navigator, job.weights, scene_label(one.scene), one.seed, one.step_m, draws)
+        for one in job.episodes
     ]
 
 
