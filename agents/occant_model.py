@@ -1,6 +1,5 @@
 """The networks of OccAnt and ANS, and their files: what completes a look, and what chooses a goal."""
 
-import json
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, final
@@ -8,21 +7,16 @@ from typing import Any, Final, final
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
 from torch import Tensor, nn
 
 from agents.goal_net import GoalNet, GoalNetSettings
 from agents.layout_memory import LayoutSettings
-from agents.occupancy_net import PlainUnet
+from agents.occupancy_net import PlainUnet, channels_last
+from agents.weights_file import WEIGHTS_FOLDER, WeightsFormat, prefixed, without_prefix
 from agents.weights_identity import WeightsIdentity, weights_digest
-from anm_gym.errors import PolicyError
 from anm_gym.map.projection import PRESETS, ProjectionSettings
 
-FORMAT: Final = "anm_gym.occant.1"
-"""Version of the layout; a file of another one is refused."""
-WEIGHTS_FOLDER: Final = Path(__file__).parent / "weights"
-"""Where the trained weights lie that come with a checkout."""
+FORMAT: Final = WeightsFormat("anm_gym.occant.1", "model", hint="; train one with `python -m train.occant`")
 LOOK_CHANNELS: Final = 2
 """Occupied and explored."""
 PROJECTION: Final = replace(PRESETS["occant"], max_depth_m=6.4, obstacle_growths=1, free_growths=1)
@@ -119,11 +113,6 @@ class OccAntModel:
         return np.asarray(logits.log_softmax(dim=0).numpy())
 
 
-def channels_last(net: nn.Module) -> nn.Module:
-    """Lay weights out as convolutions of these shapes read them fastest, in place."""
-    return net.to(memory_format=torch.channels_last)  # type: ignore[call-overload,no-any-return]
-
-
 def new_anticipator_net(settings: OccAntSettings, seed: int) -> PlainUnet:
     """Build an untrained anticipator; the same seed gives the same weights."""
     with torch.random.fork_rng():
@@ -145,14 +134,10 @@ def save_model(model: OccAntModel, path: str | Path) -> None:
         model: The model.
         path: A ``.safetensors`` file; an older one is replaced.
     """
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    tensors = _prefixed("goal", model.goal_net)
+    tensors = prefixed("goal", model.goal_net, is_half=True)
     if model.anticipator is not None:
-        tensors |= _prefixed("anticipator", model.anticipator.net)
-    partial = path.with_name(path.name + ".partial")
-    save_file(tensors, partial, metadata={"format": FORMAT, "settings": json.dumps(asdict(model.settings))})
-    partial.replace(path)
+        tensors |= prefixed("anticipator", model.anticipator.net, is_half=True)
+    FORMAT.write(path, tensors, asdict(model.settings))
 
 
 def load_model(name_or_path: str | Path) -> OccAntModel:
@@ -166,42 +151,13 @@ def load_model(name_or_path: str | Path) -> OccAntModel:
     """
     path = Path(name_or_path)
     path = path if path.suffix else WEIGHTS_FOLDER / f"{name_or_path}.safetensors"
-    try:
-        with safe_open(str(path), framework="pt") as file:
-            metadata: dict[str, Any] = file.metadata() or {}
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    except (OSError, SafetensorError) as error:
-        raise PolicyError(
-            f"`name_or_path` must name a saved model, got {str(path)!r}: {error}; train one with "
-            "`python -m train.occant`"
-        ) from error
-    if metadata.get("format") != FORMAT:
-        raise PolicyError(f"a model must have format {FORMAT!r}, got {metadata.get('format')!r} in {path}")
-    try:
-        settings = OccAntSettings.read(json.loads(metadata["settings"]))
+    with FORMAT.reading(path) as (plain, tensors):
+        settings = OccAntSettings.read(plain)
         goal_net = new_goal_net(settings, seed=0)
-        goal_net.load_state_dict(_without_prefix("goal", tensors))
+        goal_net.load_state_dict(without_prefix("goal", tensors))
         anticipator = None
         if settings.anticipates:
             net = new_anticipator_net(settings, seed=0)
-            net.load_state_dict(_without_prefix("anticipator", tensors))
+            net.load_state_dict(without_prefix("anticipator", tensors))
             anticipator = Anticipator(net)
-    except (KeyError, TypeError, ValueError, RuntimeError) as error:
-        raise PolicyError(f"the model in {path} must fit its settings, got {error}") from error
     return OccAntModel(settings, goal_net, anticipator)
-
-
-def _prefixed(prefix: str, net: nn.Module) -> dict[str, Tensor]:
-    return {
-        f"{prefix}.{name}": (value.half() if value.is_floating_point() else value).contiguous().cpu()
-        for name, value in net.state_dict().items()
-    }
-
-
-def _without_prefix(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
-    chosen = {
-        name.removeprefix(f"{prefix}."): value
-        for name, value in tensors.items()
-        if name.startswith(f"{prefix}.")
-    }
-    return {name: value.float() if value.is_floating_point() else value for name, value in chosen.items()}

@@ -126,6 +126,11 @@ def occupancy_net(name: str, inputs: int, outputs: int, width: int) -> nn.Module
     return OCCUPANCY_NETS[name](inputs, outputs, width)
 
 
+def channels_last(net: nn.Module) -> nn.Module:
+    """Lay weights out as convolutions of these shapes read them fastest, in place."""
+    return net.to(memory_format=torch.channels_last)  # type: ignore[call-overload,no-any-return]
+
+
 class _Residual(nn.Module):
     """Two convolutions beside a short cut, as in ResNet18."""
 

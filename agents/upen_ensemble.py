@@ -4,7 +4,6 @@ A member takes the class probabilities of a square around the agent, turned to i
 those of the whole square, also of what was not seen.
 """
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -13,18 +12,17 @@ from typing import Any, Final, Literal, get_args
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
 from torch import Tensor, nn
 
-from agents.occupancy_net import occupancy_net
+from agents.occupancy_net import channels_last, occupancy_net
+from agents.weights_file import WEIGHTS_FOLDER, WeightsFormat, prefixed, without_prefix
 from agents.weights_identity import WeightsIdentity, weights_digest
-from anm_gym.errors import PolicyError
 from anm_gym.map.projection import NUM_CLASSES, OCCUPIED, PRESETS, ProjectionSettings
 
-FORMAT: Final = "anm_gym.upen.1"
-"""Version of the layout; a file of another one is refused."""
-SHIPPED: Final = Path(__file__).parent / "weights" / "upen.safetensors"
+FORMAT: Final = WeightsFormat(
+    "anm_gym.upen.1", "ensemble", argument="path", hint="; train one with `python -m train.upen`"
+)
+SHIPPED: Final = WEIGHTS_FOLDER / "upen.safetensors"
 """The ensemble that comes with a checkout."""
 
 Score = Literal["var_occ", "var_sum", "entropy", "mutual_info"]
@@ -97,11 +95,6 @@ class Ensemble:
         return torch.stack([net(crops).softmax(dim=1).contiguous() for net in self.nets])
 
 
-def channels_last(net: nn.Module) -> nn.Module:
-    """Lay the weights out as convolutions read them fastest, in place."""
-    return net.to(memory_format=torch.channels_last)  # type: ignore[call-overload,no-any-return]
-
-
 def new_net(settings: EnsembleSettings, seed: int) -> nn.Module:
     """Build an untrained member; the same seed gives the same weights."""
     with torch.random.fork_rng():
@@ -144,17 +137,10 @@ def save_ensemble(ensemble: Ensemble, path: str | Path, *, is_half: bool = False
         path: A ``.safetensors`` file; an older one is replaced.
         is_half: Whether to keep 16 bits of each weight: half the size, and hardly a change.
     """
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    tensors = {}
+    tensors: dict[str, Tensor] = {}
     for index, net in enumerate(ensemble.nets):
-        for name, values in net.state_dict().items():
-            is_kept = not (is_half and values.is_floating_point())
-            tensors[f"{index}.{name}"] = (values if is_kept else values.half()).contiguous().cpu()
-    partial = path.with_name(path.name + ".partial")
-    metadata = {"format": FORMAT, "settings": json.dumps(asdict(ensemble.settings))}
-    save_file(tensors, partial, metadata=metadata)
-    partial.replace(path)
+        tensors |= prefixed(str(index), net, is_half=is_half)
+    FORMAT.write(path, tensors, asdict(ensemble.settings))
 
 
 def load_ensemble(path: str | Path = SHIPPED) -> Ensemble:
@@ -166,33 +152,12 @@ def load_ensemble(path: str | Path = SHIPPED) -> Ensemble:
     Raises:
         PolicyError: If the file is missing, truncated, of another format or does not fit its settings.
     """
-    try:
-        with safe_open(str(path), framework="pt") as file:
-            metadata: dict[str, Any] = file.metadata() or {}
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    except (OSError, SafetensorError) as error:
-        raise PolicyError(
-            f"`path` must name a saved ensemble, got {str(path)!r}: {error}; train one with "
-            "`python -m train.upen`"
-        ) from error
-    if metadata.get("format") != FORMAT:
-        raise PolicyError(
-            f"an ensemble must have format {FORMAT!r}, got {metadata.get('format')!r} in {path}"
-        )
-    try:
-        settings = EnsembleSettings.read(json.loads(metadata["settings"]))
+    with FORMAT.reading(Path(path)) as (plain, tensors):
+        settings = EnsembleSettings.read(plain)
         nets = [new_net(settings, seed) for seed in range(settings.members)]
         for index, net in enumerate(nets):
-            net.load_state_dict(_member(tensors, index))
-    except (KeyError, TypeError, ValueError, RuntimeError) as error:
-        raise PolicyError(f"the ensemble in {path} must fit its settings, got {error}") from error
+            net.load_state_dict(without_prefix(str(index), tensors))
     return Ensemble(settings, nets)
-
-
-def _member(tensors: dict[str, Tensor], index: int) -> dict[str, Tensor]:
-    prefix = f"{index}."
-    chosen = {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
-    return {name: value.float() if value.is_floating_point() else value for name, value in chosen.items()}
 
 
 def _entropy(probabilities: NDArray[np.float32], axis: int) -> NDArray[np.float32]:

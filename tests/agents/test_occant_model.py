@@ -70,7 +70,7 @@ def test_missing_model_tells_how_to_train_one(tmp_path: Path) -> None:
 
 def test_file_of_another_format_is_refused(tmp_path: Path) -> None:
     save_file({"x": torch.zeros(1)}, tmp_path / "other.safetensors", metadata={"format": "other"})
-    with pytest.raises(PolicyError, match=f"a model must have format '{FORMAT}', got 'other'"):
+    with pytest.raises(PolicyError, match=f"a model must have format '{FORMAT.name}', got 'other'"):
         load_model(tmp_path / "other.safetensors")
 
 

@@ -38,7 +38,7 @@ def test_truncated_file_is_refused(tmp_path: Path) -> None:
 
 def test_file_of_another_format_is_refused(tmp_path: Path) -> None:
     save_file({"x": torch.zeros(1)}, tmp_path / "map.safetensors", metadata={"format": "map"})
-    with pytest.raises(PolicyError, match=f"must have format '{FORMAT}', got 'map'"):
+    with pytest.raises(PolicyError, match=f"must have format '{FORMAT.name}', got 'map'"):
         load_policy(tmp_path / "map.safetensors")
 
 

@@ -15,7 +15,8 @@ from jsonargparse import ActionYesNo, ArgumentParser
 from tqdm import tqdm
 
 from agents.goal_net import GoalNet
-from agents.occant_model import WEIGHTS_FOLDER, Anticipator, OccAntModel, OccAntSettings, save_model
+from agents.occant_model import Anticipator, OccAntModel, OccAntSettings, save_model
+from agents.weights_file import WEIGHTS_FOLDER
 from train.command import run_command
 from train.occant.anticipator import (
     AnticipatorLearner,

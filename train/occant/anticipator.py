@@ -12,7 +12,8 @@ from torch import nn
 from torch.nn import functional
 
 from agents.layout_memory import EXPLORED, OCCUPIED
-from agents.occant_model import Anticipator, OccAntSettings, channels_last, new_anticipator_net
+from agents.occant_model import Anticipator, OccAntSettings, new_anticipator_net
+from agents.occupancy_net import channels_last
 from train.occant.frames import Frames, as_arrays
 from train.progress_file import load_progress, save_progress
 

@@ -10,7 +10,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents.upen_ensemble import EnsembleSettings, channels_last, new_net
+from agents.occupancy_net import channels_last
+from agents.upen_ensemble import EnsembleSettings, new_net
 from train.progress_file import load_progress, save_progress
 from train.upen.data import LEVELS, Crops
 

@@ -5,7 +5,8 @@ import json
 import pytest
 
 from agents.navigator_net import NavigatorNetSettings
-from agents.policy_file import WEIGHTS_FOLDER, load_policy
+from agents.policy_file import load_policy
+from agents.weights_file import WEIGHTS_FOLDER
 from train.navigator.episodes import episodes_of, play_learned
 from train.navigator.presets import PRESETS, VARIANTS
 
