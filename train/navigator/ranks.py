@@ -1,5 +1,6 @@
 """The processes that `torchrun` starts: who one is, and what all of them agree on."""
 
+import importlib
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -28,6 +29,9 @@ class Ranks:
         if world == 1:
             return cls()
         if not distributed.is_initialized():
+            # Optimisers import this at their first step. Imported while there is a group, it holds the group
+            # for ever, whose threads then outlive `leave` and now and then abort the process as it ends.
+            importlib.import_module("torch._dynamo")
             distributed.init_process_group(backend, timeout=TIMEOUT)
         return cls(distributed.get_rank(), world)
 
