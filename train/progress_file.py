@@ -27,14 +27,10 @@ def save_progress(
     """
     tensors: dict[str, Tensor] = {}
     for prefix, net in nets.items():
-        tensors |= {f"{prefix}.{name}": value.contiguous() for name, value in net.state_dict().items()}
+        tensors |= {f"{prefix}.{name}": value for name, value in net.state_dict().items()}
     for index, state in optimizer.state_dict()["state"].items():
-        tensors |= {f"adam.{index}.{name}": state[name].contiguous() for name in _MOMENTS}
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(path.name + ".partial")
-    # Channels-last weights share no memory with each other, but `contiguous` of a tied one would.
-    save_file(tensors, partial, metadata={"progress": json.dumps(dict(progress))})
-    partial.replace(path)
+        tensors |= {f"adam.{index}.{name}": state[name] for name in _MOMENTS}
+    write_checkpoint(path, tensors, progress)
 
 
 def load_progress(path: Path, nets: Mapping[str, nn.Module], optimizer: optim.Optimizer) -> dict[str, Any]:
@@ -48,14 +44,7 @@ def load_progress(path: Path, nets: Mapping[str, nn.Module], optimizer: optim.Op
     Raises:
         PolicyError: If the file cannot be read.
     """
-    try:
-        with safe_open(str(path), framework="pt") as file:
-            progress: dict[str, Any] = json.loads(file.metadata()["progress"])
-            tensors: dict[str, Tensor] = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    except (OSError, SafetensorError) as error:
-        raise PolicyError(
-            f"the checkpoint {path} must be whole, got {error}; delete it to start anew"
-        ) from error
+    tensors, progress = read_checkpoint(path)
     for prefix, net in nets.items():
         net.load_state_dict(
             {
@@ -70,3 +59,29 @@ def load_progress(path: Path, nets: Mapping[str, nn.Module], optimizer: optim.Op
     state["state"] = {index: {name: tensors[f"adam.{index}.{name}"] for name in _MOMENTS} for index in known}
     optimizer.load_state_dict(state)
     return progress
+
+
+def write_checkpoint(path: Path, tensors: Mapping[str, Tensor], progress: Mapping[str, Any]) -> None:
+    """Write tensors and plain values; the file appears whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(path.name + ".partial")
+    # Copies: networks may share memory, and files do not.
+    plain = {name: values.detach().cpu().clone().contiguous() for name, values in tensors.items()}
+    save_file(plain, partial, metadata={"progress": json.dumps(dict(progress))})
+    partial.replace(path)
+
+
+def read_checkpoint(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
+    """Read what `write_checkpoint` wrote.
+
+    Raises:
+        PolicyError: If the file cannot be read.
+    """
+    try:
+        with safe_open(str(path), framework="pt") as file:
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+            return tensors, json.loads((file.metadata() or {})["progress"])
+    except (OSError, SafetensorError, KeyError) as error:
+        raise PolicyError(
+            f"the checkpoint {path} must be whole, got {error}; delete it to start anew"
+        ) from error

@@ -1,16 +1,14 @@
 """Where a training run stands, on disk: weights and optimiser as safetensors, the rest as JSON."""
 
-import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, final
 
 import torch
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
 from torch import Tensor, nn
 
 from anm_gym.errors import PolicyError
+from train.progress_file import read_checkpoint, write_checkpoint
 
 _MODULE, _OPTIMIZER = "module/", "optimizer/"
 
@@ -47,10 +45,7 @@ class TrainingCheckpoint:
             tensors |= {
                 f"{_OPTIMIZER}{index}/{name}": torch.as_tensor(value) for name, value in values.items()
             }
-        partial = self.path.with_name(self.path.name + ".partial")
-        plain = {name: values.detach().cpu().clone().contiguous() for name, values in tensors.items()}
-        save_file(plain, partial, metadata={"progress": json.dumps(vars(progress))})
-        partial.replace(self.path)
+        write_checkpoint(self.path, tensors, vars(progress))
 
     def progress(self) -> Progress | None:
         """Where the run stands; None before the first checkpoint.
@@ -60,7 +55,7 @@ class TrainingCheckpoint:
         """
         if not self.path.exists():
             return None
-        return Progress(**json.loads(self._read()[1]["progress"]))
+        return Progress(**read_checkpoint(self.path)[1])
 
     def restore(self, module: nn.Module, optimizer: torch.optim.Optimizer) -> None:
         """Give weights and optimiser back what was saved.
@@ -68,7 +63,7 @@ class TrainingCheckpoint:
         Raises:
             PolicyError: If the file cannot be read or does not fit.
         """
-        tensors, _ = self._read()
+        tensors, _ = read_checkpoint(self.path)
         moments: dict[int, dict[str, Tensor]] = {}
         for name, values in tensors.items():
             if name.startswith(_OPTIMIZER):
@@ -82,13 +77,3 @@ class TrainingCheckpoint:
             optimizer.load_state_dict({**optimizer.state_dict(), "state": moments})
         except (RuntimeError, ValueError) as error:
             raise PolicyError(f"the checkpoint {self.path} must fit the settings, got {error}") from error
-
-    def _read(self) -> tuple[dict[str, Tensor], dict[str, str]]:
-        try:
-            with safe_open(str(self.path), framework="pt") as file:
-                tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-                return tensors, file.metadata() or {}
-        except (OSError, SafetensorError) as error:
-            raise PolicyError(
-                f"the checkpoint {self.path} must be whole, got {error}; delete it to start anew"
-            ) from error

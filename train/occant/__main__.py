@@ -5,10 +5,10 @@ Command: ``python -m train.occant --out runs/occant``. A killed run goes on wher
 
 import json
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any
 
 import torch
 from jsonargparse import ActionYesNo, ArgumentParser
@@ -17,6 +17,7 @@ from tqdm import tqdm
 from agents.goal_net import GoalNet
 from agents.occant_model import Anticipator, OccAntModel, OccAntSettings, save_model
 from agents.weights_file import WEIGHTS_FOLDER
+from train.batch_learning import follow
 from train.command import run_command
 from train.occant.anticipator import (
     AnticipatorLearner,
@@ -25,15 +26,12 @@ from train.occant.anticipator import (
     score_anticipator,
 )
 from train.occant.frames import Frames, FrameSettings, frames_of, training_homes, unseen_homes
-from train.occant.goal_gains import GainLearner, GainLearning, gather_gains
+from train.occant.goal_gains import GainLearner, GainLearning, gains_of
 from train.occant.goal_learning import GoalLearner, GoalLearning, coverage, policy_chooser, random_chooser
 from train.occant.twin import Reward, TwinSettings
 from train.occant.twin_world import TwinWorld
 from train.provenance import versions
 from train.run_folder import claim_folder
-
-CHECKPOINT_S: Final = 20.0
-"""Seconds between two checkpoints."""
 
 
 @dataclass(frozen=True)
@@ -92,18 +90,6 @@ class OccAntTraining:
             goals=replace(self.goals, updates=3, envs=4),
             test_episodes=4,
         )
-
-
-class Learner(Protocol):
-    """What learns in steps and can be kept."""
-
-    num_done: int
-
-    def save(self, path: Path) -> None:
-        """Keep where it stands."""
-
-    def load(self, path: Path) -> None:
-        """Go back to what `save` kept."""
 
 
 def train(training: OccAntTraining, out: Path) -> tuple[OccAntModel, dict[str, Any]]:
@@ -177,7 +163,7 @@ def _learn_to_anticipate(training: OccAntTraining, out: Path) -> tuple[Anticipat
     if learner.num_done < training.anticipator.num_batches:
         seen = _gather(training, training_homes(training.frame_homes), out, "homes to learn from")
         total = training.anticipator.num_batches
-        _run(learner, learner.learn(seen), total, path, "anticipator", "batch")
+        follow(learner, learner.learn(seen), total, path, title="anticipator")
     unseen = _gather(training, unseen_homes(training.test_homes), out, "unseen homes")
     anticipator = learner.anticipator()
     return anticipator, {"curve": learner.curve, "scores": score_anticipator(anticipator, unseen)}
@@ -194,7 +180,7 @@ def _learn_to_choose(
     path = out / "policy.safetensors"
     if path.exists():
         learner.load(path)
-    _run(learner, learner.learn(), training.goals.updates, path, "policy", "update")
+    follow(learner, learner.learn(), training.goals.updates, path, title="policy", unit="update")
     unseen = _worlds(training, unseen_homes(training.test_homes), "unseen homes")
     choosers = {
         "random goals": random_chooser(training.model.layout.num_goals),
@@ -222,22 +208,9 @@ def _learn_gains(
         learner.load(path)
     if learner.num_done < settings.num_batches:
         kept = out / "random_goals.safetensors"
-        gains = gather_gains(worlds, training.twin, anticipator, settings.episodes, training.seed, kept)
-        _run(learner, learner.learn(gains), settings.num_batches, path, "gains", "batch")
+        gains = gains_of(worlds, training.twin, anticipator, settings.episodes, training.seed, kept)
+        follow(learner, learner.learn(gains), settings.num_batches, path, title="gains")
     return learner.goal_net(), learner.curve
-
-
-def _run(learner: Learner, steps: Iterator[Any], total: int, path: Path, title: str, unit: str) -> None:
-    """Take the steps that remain, with a bar that tells when it ends and checkpoints now and then."""
-    bar = tqdm(steps, total=total, initial=learner.num_done, desc=title, unit=unit)
-    saved_s = time.monotonic()
-    for point in bar:
-        if time.monotonic() - saved_s > CHECKPOINT_S:
-            text = f"{point['gain_m2']:.1f} m2" if isinstance(point, dict) else f"loss {point:.3f}"
-            bar.set_postfix_str(text)
-            learner.save(path)
-            saved_s = time.monotonic()
-    learner.save(path)
 
 
 def _gather(training: OccAntTraining, homes: Sequence[str], out: Path, title: str) -> Frames:

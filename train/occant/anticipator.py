@@ -1,24 +1,20 @@
 """Learning of OccAnt's anticipator, in checkpoints that a killed run goes on from, and its scores."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Final, final
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import nn
+from torch import Tensor
 from torch.nn import functional
 
 from agents.layout_memory import EXPLORED, OCCUPIED
 from agents.occant_model import Anticipator, OccAntSettings, new_anticipator_net
 from agents.occupancy_net import channels_last
+from train.batch_learning import BatchLearner
 from train.occant.frames import Frames, as_arrays
-from train.progress_file import load_progress, save_progress
 
-CURVE_BATCHES: Final = 50
-"""Batches whose mean loss is a point of the curve."""
 BATCH: Final = 50
 """Frames that are scored at once."""
 CLASS_NAMES: Final = ("free", "occupied")
@@ -54,7 +50,7 @@ class AnticipatorLearning:
 
 
 @final
-class AnticipatorLearner:
+class AnticipatorLearner(BatchLearner[Frames]):
     """The anticipator while it learns; a batch is drawn from its number, so checkpoints need no generator.
 
     Args:
@@ -69,39 +65,19 @@ class AnticipatorLearner:
     def __init__(self, model: OccAntSettings, settings: AnticipatorLearning, seed: int) -> None:
         self.settings, self._seed = settings, seed
         self.net = channels_last(new_anticipator_net(model, seed))
-        self.optimizer = torch.optim.Adam(self.net.parameters(), settings.learning_rate)
-        self.num_done, self.curve = 0, list[float]()
-        self._losses: list[float] = []
-
-    def learn(self, frames: Frames) -> Iterator[float]:
-        """Take the gradient steps that remain; yields the loss of each."""
-        while self.num_done < self.settings.num_batches:
-            looks, labels = self._draw(frames)
-            self._set_learning_rate()
-            self.net.train()
-            logits = self.net(_as_tensor(looks))
-            loss = functional.binary_cross_entropy_with_logits(logits, _as_tensor(labels))
-            self.optimizer.zero_grad()
-            loss.backward()
-            nn.utils.clip_grad_norm_(self.net.parameters(), self.settings.max_gradient)
-            self.optimizer.step()
-            self.num_done += 1
-            self._note(loss.item())
-            yield loss.item()
+        optimizer = torch.optim.Adam(self.net.parameters(), settings.learning_rate)
+        super().__init__({"net": self.net}, optimizer, settings.num_batches, settings.max_gradient)
 
     def anticipator(self) -> Anticipator:
         """The anticipator as it is now."""
         return Anticipator(self.net)
 
-    def save(self, path: Path) -> None:
-        """Keep network, optimiser and curve."""
-        progress = {"num_done": self.num_done, "curve": self.curve, "losses": self._losses}
-        save_progress(path, {"net": self.net}, self.optimizer, progress)
+    def _loss(self, data: Frames) -> Tensor:
+        looks, labels = self._draw(data)
+        return functional.binary_cross_entropy_with_logits(self.net(_as_tensor(looks)), _as_tensor(labels))
 
-    def load(self, path: Path) -> None:
-        """Go back to what `save` kept."""
-        progress = load_progress(path, {"net": self.net}, self.optimizer)
-        self.num_done, self.curve, self._losses = (progress[k] for k in ("num_done", "curve", "losses"))
+    def _learning_rate(self, done_share: float) -> float:
+        return self.settings.learning_rate * self.settings.last_rate_share**done_share
 
     def _draw(self, frames: Frames) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         rng = np.random.default_rng([self._seed, 1, self.num_done])
@@ -111,17 +87,6 @@ class AnticipatorLearner:
             looks[is_mirrored] = looks[is_mirrored, :, :, ::-1]
             labels[is_mirrored] = labels[is_mirrored, :, :, ::-1]
         return looks, labels
-
-    def _set_learning_rate(self) -> None:
-        done = self.num_done / self.settings.num_batches
-        for group in self.optimizer.param_groups:
-            group["lr"] = self.settings.learning_rate * self.settings.last_rate_share**done
-
-    def _note(self, loss: float) -> None:
-        self._losses.append(loss)
-        if len(self._losses) == CURVE_BATCHES or self.num_done == self.settings.num_batches:
-            self.curve.append(float(np.mean(self._losses)))
-            self._losses = []
 
 
 def score_anticipator(anticipator: Anticipator, frames: Frames) -> dict[str, Any]:

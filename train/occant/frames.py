@@ -10,7 +10,6 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from safetensors.numpy import load_file, save_file
 from scipy import ndimage
 
 from agents.layout_memory import LayoutSettings
@@ -20,6 +19,7 @@ from anm_gym.map.grid_fusion import FloorPose
 from anm_gym.map.projection import count_hits, project_depth, seen_masks
 from anm_gym.scenes.catalog import make_scene
 from anm_gym.sim.backends import make_depth_camera
+from train.kept_arrays import kept
 from train.occant.twin_world import VOID_M, FanSettings, RayFan, TwinWorld
 
 TIERS: Final = ("flat", "house", "studio", "flat", "house", "maze")
@@ -83,15 +83,7 @@ def frames_of(
 ) -> Frames:
     """Gather the frames of a home, or read them from the folder where they were kept."""
     path = cache / f"{home.replace(':', '-')}.safetensors" if cache else None
-    if path and path.exists():
-        return Frames(**load_file(path))
-    frames = gather(home, model, settings, seed)
-    if path:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial = path.with_name(path.name + ".partial")
-        save_file({"looks": frames.looks, "labels": frames.labels}, partial)
-        partial.replace(path)
-    return frames
+    return kept(path, Frames, lambda: gather(home, model, settings, seed))
 
 
 def gather(home: str, model: OccAntSettings, settings: FrameSettings, seed: int) -> Frames:

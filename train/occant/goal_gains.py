@@ -4,7 +4,7 @@ The first thing PPO would have to find out, from few goals, is which of them sho
 a regression, and it learns more from every goal: the same view turned and mirrored is as good a sample.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, final
@@ -12,20 +12,18 @@ from typing import Final, final
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from safetensors.numpy import load_file, save_file
-from torch import Tensor, nn
+from torch import Tensor
 from tqdm import tqdm
 
 from agents.goal_net import GoalNet
 from agents.layout_memory import VIEW_CHANNELS
 from agents.occant_model import OccAntSettings, new_goal_net
+from train.batch_learning import BatchLearner
+from train.kept_arrays import kept
 from train.occant.goal_policy import GoalValueNet
 from train.occant.twin import REWARD_PER_M2, Anticipator, OccAntTwinEnv, TwinSettings
 from train.occant.twin_world import TwinWorld
-from train.progress_file import load_progress, save_progress
 
-CURVE_BATCHES: Final = 50
-"""Batches whose mean loss is a point of the curve."""
 SIDE_CHANNEL: Final = VIEW_CHANNELS - 1
 """The channel of a view that tells left from right: the sine of a goal's bearing."""
 
@@ -70,7 +68,7 @@ class GoalGains:
     """(N,) what they were paid, square metres."""
 
 
-def gather_gains(
+def gains_of(
     worlds: Sequence[TwinWorld],
     twin: TwinSettings,
     anticipator: Anticipator | None,
@@ -79,8 +77,12 @@ def gather_gains(
     path: Path | None = None,
 ) -> GoalGains:
     """Play episodes of random goals, or read them from the file where they were kept."""
-    if path and path.exists():
-        return GoalGains(**load_file(path))
+    return kept(path, GoalGains, lambda: _gather(worlds, twin, anticipator, episodes, seed))
+
+
+def _gather(
+    worlds: Sequence[TwinWorld], twin: TwinSettings, anticipator: Anticipator | None, episodes: int, seed: int
+) -> GoalGains:
     env, rng = OccAntTwinEnv(worlds, twin, anticipator), np.random.default_rng([seed, 2])
     views, goals, gains_m2 = [], [], []
     for _ in tqdm(range(episodes), desc="random goals", unit="episode"):
@@ -91,17 +93,11 @@ def gather_gains(
             view, reward, *_ = env.step(goal)
             goals.append(goal)
             gains_m2.append(reward / REWARD_PER_M2)
-    gathered = GoalGains(np.stack(views), np.array(goals, np.int64), np.array(gains_m2, np.float32))
-    if path:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial = path.with_name(path.name + ".partial")
-        save_file(vars(gathered), partial)
-        partial.replace(path)
-    return gathered
+    return GoalGains(np.stack(views), np.array(goals, np.int64), np.array(gains_m2, np.float32))
 
 
 @final
-class GainLearner:
+class GainLearner(BatchLearner[GoalGains]):
     """A policy that learns what goals are worth; a batch is drawn from its number.
 
     The gain of a goal is the value of the view plus the goal's own score, so that scores need not tell
@@ -119,27 +115,10 @@ class GainLearner:
         with torch.random.fork_rng():
             torch.manual_seed(seed)
             self.value = GoalValueNet(VIEW_CHANNELS, model.layout.view_cells)
-        self._nets: dict[str, nn.Module] = {"scores": self.scores, "value": self.value}
-        parameters = [*self.scores.parameters(), *self.value.parameters()]
-        self.optimizer = torch.optim.Adam(parameters, settings.learning_rate)
-        self.num_done, self.curve = 0, list[float]()
-        """`curve`: mean squared error of the gains, m^4, every 50 batches."""
-        self._losses: list[float] = []
-
-    def learn(self, gains: GoalGains) -> Iterator[float]:
-        """Take the gradient steps that remain; yields the loss of each."""
-        while self.num_done < self.settings.num_batches:
-            views, goals, gains_m2 = self._draw(gains)
-            for group in self.optimizer.param_groups:
-                group["lr"] = self.settings.learning_rate * (1.0 - self.num_done / self.settings.num_batches)
-            expected_m2 = self.value(views)[:, 0] + self.scores(views).gather(1, goals[:, None])[:, 0]
-            loss = (expected_m2 - gains_m2).square().mean()
-            self.optimizer.zero_grad()
-            loss.backward()
-            self.optimizer.step()
-            self.num_done += 1
-            self._note(loss.item())
-            yield loss.item()
+        optimizer = torch.optim.Adam(
+            [*self.scores.parameters(), *self.value.parameters()], settings.learning_rate
+        )
+        super().__init__({"scores": self.scores, "value": self.value}, optimizer, settings.num_batches)
 
     @torch.no_grad()
     def goal_net(self) -> GoalNet:
@@ -151,15 +130,14 @@ class GainLearner:
             values.mul_(self.settings.logit_per_m2)
         return net
 
-    def save(self, path: Path) -> None:
-        """Keep networks, optimiser and curve."""
-        progress = {"num_done": self.num_done, "curve": self.curve, "losses": self._losses}
-        save_progress(path, self._nets, self.optimizer, progress)
+    def _loss(self, data: GoalGains) -> Tensor:
+        """Mean squared error of the gains, m^4."""
+        views, goals, gains_m2 = self._draw(data)
+        expected_m2 = self.value(views)[:, 0] + self.scores(views).gather(1, goals[:, None])[:, 0]
+        return (expected_m2 - gains_m2).square().mean()
 
-    def load(self, path: Path) -> None:
-        """Go back to what `save` kept."""
-        progress = load_progress(path, self._nets, self.optimizer)
-        self.num_done, self.curve, self._losses = (progress[k] for k in ("num_done", "curve", "losses"))
+    def _learning_rate(self, done_share: float) -> float:
+        return self.settings.learning_rate * (1.0 - done_share)
 
     def _draw(self, gains: GoalGains) -> tuple[Tensor, Tensor, Tensor]:
         rng = np.random.default_rng([self._seed, 3, self.num_done])
@@ -167,12 +145,6 @@ class GainLearner:
         views = gains.views[chosen].astype(np.float32) / np.float32(255.0)
         views, goals = turn_views(views, gains.goals[chosen], int(rng.integers(4)), bool(rng.integers(2)))
         return torch.from_numpy(views), torch.from_numpy(goals), torch.from_numpy(gains.gains_m2[chosen])
-
-    def _note(self, loss: float) -> None:
-        self._losses.append(loss)
-        if len(self._losses) == CURVE_BATCHES or self.num_done == self.settings.num_batches:
-            self.curve.append(float(np.mean(self._losses)))
-            self._losses = []
 
 
 def turn_views(

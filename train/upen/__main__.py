@@ -4,11 +4,10 @@ Command: ``python -m train.upen --out runs/upen``. A killed run goes on where it
 """
 
 import json
-import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import torch
@@ -16,15 +15,13 @@ from jsonargparse import ActionYesNo, ArgumentParser
 from tqdm import tqdm
 
 from agents.upen_ensemble import SHIPPED, Ensemble, EnsembleSettings, save_ensemble
+from train.batch_learning import follow
 from train.command import run_command
 from train.provenance import versions
 from train.run_folder import claim_folder
 from train.upen.data import Crops, CropSettings, class_shares, crops_of, test_homes, training_homes
-from train.upen.learning import Learner, LearningSettings, homes_of_member
+from train.upen.learning import LearningSettings, MemberLearner, homes_of_member
 from train.upen.scores import evaluate, format_scores
-
-CHECKPOINT_S: Final = 20.0
-"""Seconds between two checkpoints of a member."""
 
 
 @dataclass(frozen=True)
@@ -125,28 +122,15 @@ def _gather(training: UpenTraining, homes: Sequence[str], out: Path, title: str)
     ]
 
 
-def _learn(training: UpenTraining, member: int, seen: Sequence[Crops], out: Path) -> Learner:
+def _learn(training: UpenTraining, member: int, seen: Sequence[Crops], out: Path) -> MemberLearner:
     """Train a member, or finish it, or read it where it is finished."""
     settings, path = training.learning, out / "members" / f"{member}.safetensors"
-    learner = Learner(training.raster, settings, training.seed, member)
+    learner = MemberLearner(training.raster, settings, training.seed, member)
     if path.exists():
         learner.load(path)
     homes = homes_of_member(len(seen), member, training.raster.members, settings, training.seed)
     crops = Crops.joined([seen[index] for index in homes])
-    bar = tqdm(
-        learner.learn(crops),
-        total=settings.num_batches,
-        initial=learner.num_done,
-        desc=f"member {member}",
-        unit="batch",
-    )
-    saved_s = time.monotonic()
-    for loss in bar:
-        if time.monotonic() - saved_s > CHECKPOINT_S:
-            bar.set_postfix_str(f"loss {learner.curve[-1] if learner.curve else loss:.3f}")
-            learner.save(path)
-            saved_s = time.monotonic()
-    learner.save(path)
+    follow(learner, learner.learn(crops), settings.num_batches, path, title=f"member {member}")
     return learner
 
 

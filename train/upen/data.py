@@ -10,7 +10,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from safetensors.numpy import load_file, save_file
 
 from agents.upen_ensemble import EnsembleSettings
 from agents.upen_map import ObservedMap, UpenMapSettings
@@ -22,6 +21,7 @@ from anm_gym.scenes.scene import Scene
 from anm_gym.sim.grid import GridFrame
 from anm_gym.sim.raster import rasterise_slab
 from anm_gym.sim.simulator import Simulator
+from train.kept_arrays import kept
 
 TIERS: Final = ("flat", "house", "studio", "maze")
 """Homes are taken from these in turn."""
@@ -100,15 +100,7 @@ def crops_of(
 ) -> Crops:
     """Gather the crops of a home, or read them from the folder where they were kept."""
     path = cache / f"{home.replace(':', '-')}.safetensors" if cache else None
-    if path and path.exists():
-        return Crops(**load_file(path))
-    crops = gather(home, raster, settings, seed)
-    if path:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial = path.with_name(path.name + ".partial")
-        save_file({"inputs": crops.inputs, "labels": crops.labels}, partial)
-        partial.replace(path)
-    return crops
+    return kept(path, Crops, lambda: gather(home, raster, settings, seed))
 
 
 def gather(home: str, raster: EnsembleSettings, settings: CropSettings, seed: int) -> Crops:

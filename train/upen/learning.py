@@ -1,8 +1,6 @@
 """Learning of one member of UPEN's ensemble, in checkpoints that a killed run goes on from."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final, Literal, final, get_args
 
 import numpy as np
@@ -12,13 +10,11 @@ from torch import Tensor, nn
 
 from agents.occupancy_net import channels_last
 from agents.upen_ensemble import EnsembleSettings, new_net
-from train.progress_file import load_progress, save_progress
+from train.batch_learning import BatchLearner
 from train.upen.data import LEVELS, Crops
 
 BETAS: Final = (0.5, 0.999)
 """Of Adam (UPEN's code)."""
-CURVE_BATCHES: Final = 50
-"""Batches whose mean loss is a point of the curve."""
 
 
 Split = Literal["overlap", "disjoint"]
@@ -69,7 +65,7 @@ def homes_of_member(
 
 
 @final
-class Learner:
+class MemberLearner(BatchLearner[Crops]):
     """One member while it learns; every batch is drawn from its number, so a checkpoint needs no generator.
 
     Args:
@@ -82,34 +78,15 @@ class Learner:
     def __init__(self, raster: EnsembleSettings, settings: LearningSettings, seed: int, member: int) -> None:
         self.settings, self._key = settings, [seed, 3, member]
         self.net = channels_last(new_net(raster, 1000 * seed + member))
-        self.optimizer = torch.optim.Adam(self.net.parameters(), lr=settings.learning_rate, betas=BETAS)
-        self.num_done = 0
-        self.curve: list[float] = []
-        self._losses: list[float] = []
+        optimizer = torch.optim.Adam(self.net.parameters(), lr=settings.learning_rate, betas=BETAS)
+        super().__init__({"net": self.net}, optimizer, settings.num_batches)
 
-    def learn(self, crops: Crops) -> Iterator[float]:
-        """Go on to the end; yields the loss after every batch."""
-        self.net.train()
-        while self.num_done < self.settings.num_batches:
-            inputs, labels = self._draw(crops)
-            self._set_learning_rate()
-            loss = nn.functional.cross_entropy(self.net(inputs), labels)
-            self.optimizer.zero_grad()
-            loss.backward()
-            self.optimizer.step()
-            self.num_done += 1
-            self._note(float(loss.detach()))
-            yield self._losses[-1] if self._losses else self.curve[-1]
+    def _loss(self, data: Crops) -> Tensor:
+        inputs, labels = self._draw(data)
+        return nn.functional.cross_entropy(self.net(inputs), labels)
 
-    def save(self, path: Path) -> None:
-        """Keep weights, optimiser and curve; the file appears whole or not at all."""
-        progress = {"num_done": self.num_done, "curve": self.curve, "losses": self._losses}
-        save_progress(path, {"net": self.net}, self.optimizer, progress)
-
-    def load(self, path: Path) -> None:
-        """Go back to what `save` kept."""
-        progress = load_progress(path, {"net": self.net}, self.optimizer)
-        self.num_done, self.curve, self._losses = (progress[k] for k in ("num_done", "curve", "losses"))
+    def _learning_rate(self, done_share: float) -> float:
+        return self.settings.learning_rate * self.settings.last_rate_share**done_share
 
     def _draw(self, crops: Crops) -> tuple[Tensor, Tensor]:
         """A batch: (B, 3, h, w) float32 probabilities and (B, h, w) int64 classes."""
@@ -121,17 +98,6 @@ class Learner:
             inputs[is_mirrored] = inputs[is_mirrored, :, :, ::-1]
             labels[is_mirrored] = labels[is_mirrored, :, ::-1]
         return as_tensor(inputs), torch.from_numpy(labels.astype(np.int64))
-
-    def _set_learning_rate(self) -> None:
-        done = self.num_done / self.settings.num_batches
-        for group in self.optimizer.param_groups:
-            group["lr"] = self.settings.learning_rate * self.settings.last_rate_share**done
-
-    def _note(self, loss: float) -> None:
-        self._losses.append(loss)
-        if len(self._losses) == CURVE_BATCHES or self.num_done == self.settings.num_batches:
-            self.curve.append(float(np.mean(self._losses)))
-            self._losses = []
 
 
 def as_tensor(inputs: NDArray[np.uint8]) -> Tensor:

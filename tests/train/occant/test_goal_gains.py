@@ -8,7 +8,7 @@ import torch
 from agents.goal_net import GoalNetSettings
 from agents.layout_memory import LayoutMemory, LayoutSettings
 from agents.occant_model import OccAntSettings
-from train.occant.goal_gains import GainLearner, GainLearning, GoalGains, gather_gains, turn_views
+from train.occant.goal_gains import GainLearner, GainLearning, GoalGains, gains_of, turn_views
 from train.occant.twin import TwinSettings
 from train.occant.twin_world import TwinWorld
 
@@ -48,8 +48,8 @@ def test_goal_keeps_its_place_in_what_is_shown(quarters: int, mirrored: bool) ->
 
 def test_gathered_gains_are_what_episodes_pay_and_are_kept(tmp_path: Path, twin_rooms: TwinWorld) -> None:
     path = tmp_path / "gains.safetensors"
-    first = gather_gains([twin_rooms], TWIN, None, 2, 0, path)
-    again = gather_gains([], TWIN, None, 2, 0, path)
+    first = gains_of([twin_rooms], TWIN, None, 2, 0, path)
+    again = gains_of([], TWIN, None, 2, 0, path)
     assert first.views.shape == (6, 9, 16, 16)
     assert first.gains_m2.sum() < 2 * twin_rooms.layout_m2
     assert (first.gains_m2 >= 0.0).all()

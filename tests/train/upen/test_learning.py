@@ -5,7 +5,7 @@ import pytest
 
 from agents.upen_ensemble import EnsembleSettings
 from train.upen.data import Crops
-from train.upen.learning import Learner, LearningSettings, homes_of_member
+from train.upen.learning import LearningSettings, MemberLearner, homes_of_member
 
 RASTER = EnsembleSettings(width=2, members=3, crop_cells=32)
 SHORT = LearningSettings(passes=48, batch=4)
@@ -20,12 +20,14 @@ def crops() -> Crops:
     return Crops(inputs, labels)
 
 
-def weights(learner: Learner) -> np.ndarray:
+def weights(learner: MemberLearner) -> np.ndarray:
     return np.concatenate([value.detach().numpy().ravel() for value in learner.net.parameters()])
 
 
 def test_loss_falls(crops: Crops) -> None:
-    learner = Learner(RASTER, LearningSettings(passes=400, batch=8, learning_rate=1e-2), seed=0, member=0)
+    learner = MemberLearner(
+        RASTER, LearningSettings(passes=400, batch=8, learning_rate=1e-2), seed=0, member=0
+    )
     losses = list(learner.learn(crops))
     assert len(losses) == 50
     assert np.mean(losses[-10:]) < 0.8 * np.mean(losses[:10])
@@ -33,13 +35,13 @@ def test_loss_falls(crops: Crops) -> None:
 
 
 def test_interrupted_member_ends_as_one_that_was_not(crops: Crops, tmp_path: Path) -> None:
-    whole = Learner(RASTER, SHORT, seed=0, member=1)
+    whole = MemberLearner(RASTER, SHORT, seed=0, member=1)
     list(whole.learn(crops))
-    first = Learner(RASTER, SHORT, seed=0, member=1)
+    first = MemberLearner(RASTER, SHORT, seed=0, member=1)
     for _, _loss in zip(range(5), first.learn(crops), strict=False):
         pass
     first.save(tmp_path / "member.safetensors")
-    second = Learner(RASTER, SHORT, seed=0, member=1)
+    second = MemberLearner(RASTER, SHORT, seed=0, member=1)
     second.load(tmp_path / "member.safetensors")
     assert second.num_done == 5
     list(second.learn(crops))
@@ -48,35 +50,35 @@ def test_interrupted_member_ends_as_one_that_was_not(crops: Crops, tmp_path: Pat
 
 
 def test_finished_member_learns_no_more(crops: Crops, tmp_path: Path) -> None:
-    learner = Learner(RASTER, SHORT, seed=0, member=0)
+    learner = MemberLearner(RASTER, SHORT, seed=0, member=0)
     list(learner.learn(crops))
     learner.save(tmp_path / "member.safetensors")
-    again = Learner(RASTER, SHORT, seed=0, member=0)
+    again = MemberLearner(RASTER, SHORT, seed=0, member=0)
     again.load(tmp_path / "member.safetensors")
     assert list(again.learn(crops)) == []
 
 
 def test_untrained_member_can_be_saved(tmp_path: Path) -> None:
-    learner = Learner(RASTER, SHORT, seed=0, member=0)
+    learner = MemberLearner(RASTER, SHORT, seed=0, member=0)
     learner.save(tmp_path / "member.safetensors")
-    other = Learner(RASTER, SHORT, seed=1, member=0)
+    other = MemberLearner(RASTER, SHORT, seed=1, member=0)
     other.load(tmp_path / "member.safetensors")
     assert (weights(other) == weights(learner)).all()
 
 
 def test_members_start_from_different_weights() -> None:
-    first, second = (Learner(RASTER, SHORT, seed=0, member=member) for member in (0, 1))
+    first, second = (MemberLearner(RASTER, SHORT, seed=0, member=member) for member in (0, 1))
     assert (weights(first) != weights(second)).any()
 
 
 def test_mirrored_batch_keeps_inputs_and_labels_together(crops: Crops) -> None:
-    inputs, labels = Learner(RASTER, SHORT, seed=0, member=0)._draw(crops)
+    inputs, labels = MemberLearner(RASTER, SHORT, seed=0, member=0)._draw(crops)
     assert (inputs.argmax(dim=1) == labels).all()
     assert inputs.shape == (4, 3, 32, 32)
 
 
 def test_learning_rate_falls_to_its_last_share() -> None:
-    learner = Learner(RASTER, SHORT, seed=0, member=0)
+    learner = MemberLearner(RASTER, SHORT, seed=0, member=0)
     learner.num_done = SHORT.num_batches
     learner._set_learning_rate()
     assert learner.optimizer.param_groups[0]["lr"] == pytest.approx(2e-5)
