@@ -7,7 +7,7 @@ backwards, heading 0 ahead), so that the walls of a home have no preferred direc
 
 from dataclasses import dataclass
 from functools import reduce
-from typing import Final, final
+from typing import Any, Final, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -122,7 +122,7 @@ class LayoutMemory:
         far = self._crop(pose, size)
         skipped = (size - settings.view_cells) // 2
         near = far[:, skipped : skipped + settings.view_cells, skipped : skipped + settings.view_cells]
-        return np.concatenate([near, _pooled(far, settings.pool), self._bearings(float(pose[2]))])
+        return np.concatenate([near, pooled(far, settings.pool), self._bearings(float(pose[2]))])
 
     def goal_xz(self, goal: int, pose: NDArray[np.float64]) -> NDArray[np.float64]:
         """(2,) floor point of a goal, metres; goals are the far view's cells in row order."""
@@ -164,9 +164,10 @@ def _goal_offsets(settings: LayoutSettings) -> NDArray[np.float64]:
     return settings.cell_m * np.stack([x, z], axis=2)
 
 
-def _pooled(values: NDArray[np.float32], pool: int) -> NDArray[np.float32]:
-    """Largest value of each block of pool x pool cells; slices, as numpy reduces short axes slowly."""
-    rows = reduce(np.maximum, [values[:, first::pool] for first in range(pool)])
+def pooled(values: NDArray[Any], pool: int) -> NDArray[Any]:
+    """Largest value of each block of pool x pool cells of (..., rows, columns), both multiples of pool."""
+    # Slices, as numpy reduces short axes slowly.
+    rows = reduce(np.maximum, [values[..., first::pool, :] for first in range(pool)])
     return reduce(np.maximum, [rows[..., first::pool] for first in range(pool)])
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from agents.layout_memory import pooled
 from anm_gym.scenes.catalog import make_scene
 from anm_gym.scenes.scene import Scene
 from anm_gym.sim.grid import GridFrame
@@ -184,8 +185,4 @@ class RayFan:
 
 def _pooled(values: NDArray[Any]) -> NDArray[Any]:
     """Take the largest of each block of fine cells; what does not fill a block is padded by 0."""
-    pad = [(0, -size % FINE_PER_CELL) for size in values.shape]
-    padded = np.pad(values, pad)
-    rows, columns = (size // FINE_PER_CELL for size in padded.shape)
-    blocks = padded.reshape(rows, FINE_PER_CELL, columns, FINE_PER_CELL)
-    return np.asarray(blocks.max(axis=(1, 3)))
+    return pooled(np.pad(values, [(0, -size % FINE_PER_CELL) for size in values.shape]), FINE_PER_CELL)
