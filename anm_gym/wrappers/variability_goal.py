@@ -13,6 +13,7 @@ from anm_gym.map.targets import (
     PAPER_TARGETS,
     RELEASED_TARGETS,
     TargetSettings,
+    TargetView,
     choose_target_view,
     propose_target_views,
 )
@@ -86,6 +87,7 @@ class VariabilityGoalWrapper(GoalWrapper):
 
     def _begin_episode(self) -> None:
         self._view: View | None = None
+        self._proposed: tuple[int, list[TargetView]] | None = None
         self._planner = ViewPlanner(self.planning.for_steps(*self.step_sizes))
 
     def _propose_goal(self) -> Goal | None:
@@ -116,7 +118,7 @@ class VariabilityGoalWrapper(GoalWrapper):
     def _cluster_goal(self) -> Goal | None:
         """Go to the cluster of variable zero-crossings that the criterion chooses."""
         assert self.targets is not None
-        views = propose_target_views(self._neural_map, self.targets)
+        views = self._target_views(self.targets)
         failed = self._failed_xz()
         if len(failed):
             views = [
@@ -126,6 +128,13 @@ class VariabilityGoalWrapper(GoalWrapper):
             ]
         chosen = choose_target_view(views, self._neural_map, self._pose[:3, 3], self._visible(), self.targets)
         return None if chosen is None else Goal(chosen.position[[0, 2]], None, "cluster")
+
+    def _target_views(self, targets: TargetSettings) -> list[TargetView]:
+        """Those of the map as it is; it does not change while goals fail within a step."""
+        num_frames = self._neural_map.num_frames
+        if self._proposed is None or self._proposed[0] != num_frames:
+            self._proposed = num_frames, propose_target_views(self._neural_map, targets)
+        return self._proposed[1]
 
     def _visible(self) -> NDArray[np.float32]:
         """(N, 3) points that the camera sees now."""

@@ -4,7 +4,7 @@ import gymnasium
 import numpy as np
 import pytest
 
-from anm_gym.map.targets import PAPER_TARGETS
+from anm_gym.map.targets import PAPER_TARGETS, TargetView, propose_target_views
 from anm_gym.wrappers.neural_map import NeuralMapWrapper
 from anm_gym.wrappers.variability_goal import VariabilityGoalWrapper
 
@@ -84,3 +84,21 @@ def test_active_mapping_is_explore_with_both_wrappers() -> None:
     assert {"goal_distance_m", "goals_count", "is_keyframe"} <= set(info)
     assert env.get_wrapper_attr("neural_map").num_frames == 1
     assert env.observation_space.contains(observation)
+
+
+def test_clusters_are_extracted_once_a_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls = []
+
+    def count(*arguments: object) -> list[TargetView]:
+        calls.append(1)
+        return propose_target_views(*arguments)
+
+    monkeypatch.setattr("anm_gym.wrappers.variability_goal.propose_target_views", count)
+    env = VariabilityGoalWrapper(mapped(), preset="paper")
+    env.reset(seed=0)
+    for _ in range(2):
+        env.report_unreachable("test")
+    assert len(calls) == 1
+    turn_round(env, 1)
+    env.report_unreachable("test")
+    assert len(calls) == 2
