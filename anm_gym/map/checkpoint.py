@@ -23,7 +23,7 @@ from anm_gym.map.settings import (
     VariabilitySettings,
 )
 
-FORMAT = "anm_gym.neural_map.2"
+FORMAT = "anm_gym.neural_map.3"
 """Version of the layout; a file of another one is refused."""
 _STAGES = {
     "field": FieldSettings,

@@ -64,8 +64,8 @@ def unseen_volume(
 ) -> NDArray[np.float64]:
     """Estimate the unseen volume that level views would show.
 
-    Rays end at occupied voxels, below the floor and above everything that was seen; they pass unknown
-    ones, with less and less hope.
+    Rays end at occupied voxels, below the floor and above all space that lies before a surface; they pass
+    unknown voxels, with less and less hope.
 
     Args:
         volume: What rays have passed and hit.
@@ -165,7 +165,7 @@ class _Box:
         self.codes = unseen.astype(np.uint8)
         self.codes[occupied] = WALL
         floor = int(np.floor(floor_y_m * per_m + 0.5)) - low[1]
-        seen_rows = np.flatnonzero((states != UNKNOWN).any(axis=(0, 2)))
+        seen_rows = np.flatnonzero((states >= FREE).any(axis=(0, 2)))
         top = int(seen_rows[-1]) + 1 if len(seen_rows) else states.shape[1]
         self.codes[:, :floor][states[:, :floor] != FREE] = WALL
         self.codes[:, top:] = WALL

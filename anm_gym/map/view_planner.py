@@ -1,7 +1,7 @@
 """The next best view of variable surface, planned on the map alone (ours).
 
-1. The zero-crossings around the observed space and the rim of free space are collected, and scored by
-   neural variability.
+1. Surface that nobody has seen is collected and scored by neural variability, see
+   `anm_gym.map.variable_surface`.
 2. The reachable floor is searched, and places near much variable surface are kept.
 3. Each place and heading is ranked by the variable surface in view per step of cost.
 """
@@ -10,11 +10,16 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from anm_gym.map.cloud import SurfaceCloud
 from anm_gym.map.neural_map import NeuralMap
 from anm_gym.map.reach import ReachableSpace, ReachSettings, reachable_space
+from anm_gym.map.variable_surface import (
+    SurfaceSettings,
+    VariableSurface,
+    weigh_by_variability,
+    worthwhile_points,
+)
 from anm_gym.map.views import (
     View,
     ViewSettings,
@@ -24,120 +29,6 @@ from anm_gym.map.views import (
     rank_views,
     view_costs,
 )
-from anm_gym.map.volume import FREE, UNKNOWN
-from anm_gym.map.zero_crossings import Lattice, zero_crossings_of
-
-
-@dataclass(frozen=True)
-class SurfaceSettings:
-    """Which surface is worth looking at (ours)."""
-
-    lattice_m: float = 0.2
-    """Spacing of the lattice on which zero-crossings are extracted, metres."""
-    margin_m: float = 1.0
-    """How far into unknown space they are followed, metres."""
-    seen_m: float = 0.15
-    """Surface this close to an observed point is taken as seen, metres."""
-    frontier_share: float = 1.0
-    """Worth of a point on the rim of observed free space, where surface may begin, relative to one of
-    predicted surface; 0 looks at predicted surface alone."""
-    frontier_gap_m: float = 0.3
-    """Points of the rim nearer to observed surface are left out, metres."""
-    only_unseen: bool = True
-    """Drop surface that is taken as seen or floats in observed free space; False trusts variability
-    alone."""
-    doubt_visibility: float = 0.9
-    """Surface that the present image should show with this likelihood, but does not, is doubted."""
-    doubt_m: float = 0.15
-    """Surface this close to doubted surface is not looked for again, metres."""
-    reference_quantile: float = 0.9
-    """Variability of observed surface at this quantile weighs one half."""
-    reference_points: int = 512
-    """Observed points from which that quantile is taken."""
-
-
-@dataclass(frozen=True)
-class VariableSurface:
-    """Points that are worth a look, and how much."""
-
-    points: NDArray[np.float32]
-    """(V, 3) float32, metres, world frame."""
-    weights: NDArray[np.float32]
-    """(V,) float32, not negative."""
-
-
-def worthwhile_points(neural_map: NeuralMap, settings: SurfaceSettings) -> VariableSurface:
-    """Collect predicted surface that nobody has seen, and the rim of observed free space.
-
-    Args:
-        neural_map: A map that has seen at least one frame.
-        settings: Lattice, margin and what counts as seen.
-
-    Returns:
-        The points, weighed by kind alone; empty if there are none.
-
-    Source:
-        Active Neural Mapping, Sec. 4.2 (zero-crossings); the rim is ours.
-    """
-    if len(neural_map.cloud) == 0:
-        return VariableSurface(np.empty((0, 3), np.float32), np.zeros(0, np.float32))
-    margin = np.full(3, settings.margin_m) * [1.0, 0.0, 1.0] + [0.0, settings.lattice_m, 0.0]
-    bounds = neural_map.cloud.bounds(0.001) + np.stack([-margin, margin])
-    lattice = Lattice.with_spacing(bounds, settings.lattice_m)
-    states = neural_map.volume.state_on_grid(_axes(lattice))
-    surface = _predicted_surface(neural_map, lattice, states, settings)
-    rim = np.empty((0, 3), np.float32)
-    if settings.frontier_share > 0.0:
-        rim = _points_of(lattice, (states == UNKNOWN) & ndimage.binary_dilation(states == FREE))
-        rim = rim[~neural_map.cloud.is_near(rim, settings.frontier_gap_m)]
-    shares = np.repeat([1.0, settings.frontier_share], [len(surface), len(rim)])
-    return VariableSurface(np.concatenate([surface, rim]), shares.astype(np.float32))
-
-
-def _predicted_surface(
-    neural_map: NeuralMap, lattice: Lattice, states: NDArray[np.uint8], settings: SurfaceSettings
-) -> NDArray[np.float32]:
-    """(V, 3) zero-crossings near the observed space."""
-    reach = round(settings.margin_m / settings.lattice_m)
-    nearby = ndimage.binary_dilation(states != UNKNOWN, iterations=reach)
-    interior = ndimage.binary_erosion(states == FREE)
-    values = np.ones(lattice.shape, np.float32)
-    # Cells at the rim of `nearby` are looked at too, so their corners beyond it must be asked as well.
-    asked = ndimage.binary_dilation(nearby) & ~interior
-    values[asked] = neural_map.sdf(_points_of(lattice, asked))
-    vertices = zero_crossings_of(values, lattice, nearby).vertices
-    if settings.only_unseen and len(vertices):
-        vertices = vertices[neural_map.volume.state_at(vertices) == UNKNOWN]
-        vertices = vertices[~neural_map.cloud.is_near(vertices, settings.seen_m)]
-    return vertices
-
-
-def _axes(lattice: Lattice) -> list[NDArray[np.float32]]:
-    """Coordinates of the lattice's points along each axis, metres."""
-    return [
-        (low + spacing_m * np.arange(count)).astype(np.float32)
-        for low, spacing_m, count in zip(lattice.low, lattice.spacing_m, lattice.shape, strict=True)
-    ]
-
-
-def _points_of(lattice: Lattice, mask: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Those points of a lattice, (N, 3), that are in a mask (X, Y, Z)."""
-    indices = np.nonzero(mask)
-    return np.stack([axis[index] for axis, index in zip(_axes(lattice), indices, strict=True)], axis=1)
-
-
-def weigh_by_variability(
-    neural_map: NeuralMap, surface: VariableSurface, settings: SurfaceSettings
-) -> VariableSurface:
-    """Weigh points by their neural variability, relative to that of observed surface (ours)."""
-    observed = neural_map.cloud.points
-    stride = max(1, len(observed) // settings.reference_points)
-    scores = neural_map.variability(np.concatenate([surface.points, observed[::stride]]))
-    reference = float(np.quantile(scores[len(surface.points) :], settings.reference_quantile))
-    variability = scores[: len(surface.points)]
-    return VariableSurface(
-        surface.points, surface.weights * variability / (variability + np.float32(max(reference, 1e-12)))
-    )
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,12 @@
 """A coarse log of the space that rays have passed, hit, or never reached."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
 from anm_gym.geometry import CameraSpec
 
-UNKNOWN, FREE, OCCUPIED = 0, 1, 2
+UNKNOWN, EMPTY, FREE, OCCUPIED = 0, 1, 2, 3
+"""States of a voxel, each stronger than those before; only rays that met nothing have passed an empty one."""
 BLOCKED = 1 << 12
 """Price of an occupied sample: more than the samples of a ray, and a sixteenth of what 16 bits hold."""
 STEPS_BETWEEN_CHECKS = 8
@@ -44,9 +43,8 @@ class ObservedVolume:
 
         Args:
             depth_m: (H, W) or (H, W, 1) float32 planar depth, metres; 0 is empty. Nothing is there then as
-                far as the camera sees, so that the ray passes free space; or else what is imagined behind
-                a missing ceiling is looked for again and again. A camera that also leaves out what is too
-                near says nothing by an empty pixel.
+                far as the camera sees, and what is imagined behind a missing ceiling need not be looked for
+                again. A camera that also leaves out what is too near says nothing by an empty pixel.
             world_from_camera: (4, 4) pose.
         """
         depth, center = depth_m.reshape(-1)[self._pixels], world_from_camera[:3, 3:].astype(np.float32)
@@ -56,7 +54,9 @@ class ObservedVolume:
         reach = np.where(is_hit, depth, farthest_m)
         ends = center + rays * reach
         self._cover(np.concatenate([ends, center], axis=1))
-        self._free(center, rays, np.searchsorted(self._steps, reach - np.float32(1.5 * self.voxel_m)))
+        num_steps = np.searchsorted(self._steps, reach - np.float32(1.5 * self.voxel_m))
+        for state, chosen in ((FREE, depth > 0.0), (EMPTY, depth == 0.0)):
+            self._pass(center, rays[:, chosen], num_steps[chosen], state)
         hits = self._index_of(ends[:, is_hit])
         self.states[hits[0], hits[1], hits[2]] = OCCUPIED
 
@@ -64,15 +64,10 @@ class ObservedVolume:
         """State of the voxel of each of (..., 3) points; UNKNOWN outside the log."""
         if self.states.size == 0:
             return np.full(points.shape[:-1], UNKNOWN, np.uint8)
-        x, y, z = (self._clipped_index(points[..., axis], axis) for axis in range(3))
+        index = np.floor(points * np.float32(1.0 / self.voxel_m)).astype(np.int64) - self.low_index
+        # What is outside falls on the border, which no ray ever reaches.
+        x, y, z = np.moveaxis(np.clip(index, 0, np.array(self.states.shape) - 1), -1, 0)
         return np.asarray(self.states[x, y, z])
-
-    def state_on_grid(self, axes_m: Sequence[NDArray[np.floating]]) -> NDArray[np.uint8]:
-        """Like `state_at`, for the (X, Y, Z) points of a grid, given by its coordinates along each axis."""
-        if self.states.size == 0:
-            return np.full([len(values) for values in axes_m], UNKNOWN, np.uint8)
-        x, y, z = (self._clipped_index(values, axis) for axis, values in enumerate(axes_m))
-        return np.asarray(self.states[np.ix_(x, y, z)])
 
     def window(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.uint8]:
         """Copy the states of a box of voxels, UNKNOWN outside the log.
@@ -116,8 +111,8 @@ class ObservedVolume:
                 prices[part] = box.price_along(last[:, part], -steps[:, part], num_samples[part])
         return np.where(prices < BLOCKED, prices.astype(np.int64), -1)
 
-    def _free(
-        self, center: NDArray[np.float32], rays: NDArray[np.float32], num_steps: NDArray[np.int64]
+    def _pass(
+        self, center: NDArray[np.float32], rays: NDArray[np.float32], num_steps: NDArray[np.int64], state: int
     ) -> None:
         """Mark what (3, R) rays from a (3, 1) centre pass, all at one step: that fits a cache."""
         order = np.argsort(-num_steps.astype(np.int16), kind="stable")
@@ -127,17 +122,12 @@ class ObservedVolume:
         flat = self.states.reshape(-1)
         for step_m, alive in zip(self._steps, num_alive, strict=False):
             passed = _flat_index(start, rays[:, :alive], step_m, self.states.shape)
-            flat[passed] = np.maximum(flat[passed], FREE)
+            flat[passed] = np.maximum(flat[passed], state)
 
     def _index_of(self, points: NDArray[np.float32]) -> NDArray[np.int64]:
         """Voxels (3, N) of (3, N) points inside the log."""
         index = np.floor(points * np.float32(1.0 / self.voxel_m)).astype(np.int64)
         return np.asarray(index - self.low_index[:, None])
-
-    def _clipped_index(self, values_m: NDArray[np.floating], axis: int) -> NDArray[np.int64]:
-        """Index along an axis; what is outside falls on the border, which no ray ever reaches."""
-        index = np.floor(values_m * np.float32(1.0 / self.voxel_m)).astype(np.int64) - self.low_index[axis]
-        return np.asarray(np.clip(index, 0, self.states.shape[axis] - 1))
 
     def _cover(self, points: NDArray[np.float32]) -> None:
         """Grow the log so that it holds the convex hull of (3, N) points and a border of one voxel."""

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from anm_gym.geometry import CameraSpec, camera_pose
 from anm_gym.map.frames import FrameStore
+from anm_gym.map.neural_map import NeuralMap
+from anm_gym.map.presets import map_settings
 from anm_gym.map.settings import SamplingSettings
 from anm_gym.mesh import TriangleMesh
 from anm_gym.sim.backends import make_depth_camera
@@ -34,6 +36,18 @@ def tour(box_room: Callable[..., TriangleMesh]) -> Tour:
     renderer = make_depth_camera(box_room(ROOM_M[0], ROOM_M[2], ROOM_M[1]), camera)
     poses = [camera_pose((0.3, 1.25, 0.1), angle) for angle in np.deg2rad(np.arange(0.0, 360.0, 20.0))]
     return Tour(camera, [renderer.render(pose) for pose in poses], poses)
+
+
+@pytest.fixture(scope="session")
+def left_room(two_rooms: TriangleMesh) -> NeuralMap:
+    """A map of the left of two rooms, seen in one turn from (-3, 0); the door is at x = 0."""
+    camera = CameraSpec(width_px=64, height_px=64)
+    renderer = make_depth_camera(two_rooms, camera)
+    neural_map = NeuralMap(map_settings("fast"), camera)
+    for angle in np.deg2rad(np.arange(0.0, 360.0, 20.0)):
+        pose = camera_pose((-3.0, 1.25, 0.0), float(angle))
+        neural_map.integrate(renderer.render(pose), pose)
+    return neural_map
 
 
 @pytest.fixture

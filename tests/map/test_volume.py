@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from anm_gym.map.volume import FREE, OCCUPIED, UNKNOWN, ObservedVolume
+from anm_gym.map.volume import EMPTY, FREE, OCCUPIED, UNKNOWN, ObservedVolume
 
 
 @pytest.fixture
@@ -36,12 +36,12 @@ def test_hits_are_never_erased(tour) -> None:
     assert (volume.state_at(centers) == OCCUPIED).all()
 
 
-def test_rays_that_meet_nothing_are_free_as_far_as_the_camera_sees(tour) -> None:
+def test_rays_that_meet_nothing_pass_empty_space_as_far_as_the_camera_sees(tour) -> None:
     volume = ObservedVolume(replace(tour.camera, max_depth_m=5.0))
     volume.integrate(np.zeros((64, 64), np.float32), tour.poses[0])
     ray = tour.poses[0][:3, :3] @ tour.camera.directions[31, 31]
     along = tour.poses[0][:3, 3] + np.array([[1.0], [4.5], [5.5], [-1.0]]) * ray
-    assert volume.state_at(along).tolist() == [FREE, FREE, UNKNOWN, UNKNOWN]
+    assert volume.state_at(along).tolist() == [EMPTY, EMPTY, UNKNOWN, UNKNOWN]
     assert not (volume.states == OCCUPIED).any()
 
 
@@ -58,11 +58,14 @@ def test_depth_beyond_the_range_frees_but_does_not_hit(tour) -> None:
     assert not (volume.states == OCCUPIED).any()
 
 
-def test_a_grid_of_points_has_the_states_of_its_points(room: ObservedVolume) -> None:
-    axes = [np.linspace(-9.0, 9.0, count).astype(np.float32) for count in (31, 27, 24)]
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-    assert np.array_equal(room.state_on_grid(axes), room.state_at(points))
-    assert (ObservedVolume(room.camera).state_on_grid(axes) == UNKNOWN).all()
+def test_space_before_a_surface_is_free_whether_rays_that_met_nothing_passed_before_or_after(tour) -> None:
+    nothing, wall = np.zeros((64, 64), np.float32), np.full((64, 64), 3.0, np.float32)
+    ahead = tour.poses[0][:3, 3] + 2.0 * tour.poses[0][:3, :3] @ tour.camera.directions[31, 31]
+    for depths in ((nothing, wall), (wall, nothing)):
+        volume = ObservedVolume(tour.camera)
+        for depth in depths:
+            volume.integrate(depth, tour.poses[0])
+        assert volume.state_at(ahead) == FREE
 
 
 def test_window_is_unknown_outside_the_log(room: ObservedVolume) -> None:

@@ -1,0 +1,146 @@
+"""Surface that is worth a look: predicted where nobody has seen any, or hoped for beyond free space.
+
+What the map predicts behind a wall that was seen whole is nobody's to see, and there is far more of it than
+of what can be seen. So predictions are followed from free space through unknown space alone, and blocks of
+voxels keep their strongest state, lest the gaps between the hits on a wall be taken for openings.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from anm_gym.map.neural_map import NeuralMap
+from anm_gym.map.volume import FREE, OCCUPIED, UNKNOWN, ObservedVolume
+from anm_gym.map.zero_crossings import Lattice, zero_crossings_of
+
+
+@dataclass(frozen=True)
+class SurfaceSettings:
+    """Which surface is worth looking at (ours)."""
+
+    block_voxels: int = 2
+    """Voxels along the edge of the blocks between whose centres zero-crossings are extracted."""
+    margin_m: float = 1.0
+    """How far into unknown space they are followed, metres."""
+    seen_m: float = 0.15
+    """Surface this close to an observed point is taken as seen, metres."""
+    frontier_share: float = 1.0
+    """Worth of a point on the rim of observed free space, where surface may begin, relative to one of
+    predicted surface; 0 looks at predicted surface alone."""
+    frontier_gap_m: float = 0.3
+    """Points of the rim nearer to observed surface are left out, metres."""
+    only_unseen: bool = True
+    """Drop surface that is taken as seen, floats in observed free space or lies behind what was seen; False
+    trusts variability alone."""
+    doubt_visibility: float = 0.9
+    """Surface that the present image should show with this likelihood, but does not, is doubted."""
+    doubt_m: float = 0.15
+    """Surface this close to doubted surface is not looked for again, metres."""
+    reference_quantile: float = 0.9
+    """Variability of observed surface at this quantile weighs one half."""
+    reference_points: int = 512
+    """Observed points from which that quantile is taken."""
+
+
+@dataclass(frozen=True)
+class VariableSurface:
+    """Points that are worth a look, and how much."""
+
+    points: NDArray[np.float32]
+    """(V, 3) float32, metres, world frame."""
+    weights: NDArray[np.float32]
+    """(V,) float32, not negative."""
+
+
+def worthwhile_points(neural_map: NeuralMap, settings: SurfaceSettings) -> VariableSurface:
+    """Collect predicted surface that nobody has seen, and the rim of observed free space.
+
+    Args:
+        neural_map: A map that has seen at least one frame.
+        settings: Lattice, margin and what counts as seen.
+
+    Returns:
+        The points, weighed by kind alone; empty if there are none.
+
+    Source:
+        Active Neural Mapping, Sec. 4.2 (zero-crossings); the rim is ours.
+    """
+    if len(neural_map.cloud) == 0:
+        return VariableSurface(np.empty((0, 3), np.float32), np.zeros(0, np.float32))
+    margin = settings.margin_m * np.array([1.0, 0.0, 1.0])
+    bounds = neural_map.cloud.bounds(0.001) + np.stack([-margin, margin])
+    lattice, states = _blocks(neural_map.volume, bounds, settings.block_voxels)
+    surface = _predicted_surface(neural_map, lattice, states, settings)
+    rim = np.empty((0, 3), np.float32)
+    if settings.frontier_share > 0.0:
+        rim = _points_of(lattice, (states == UNKNOWN) & ndimage.binary_dilation(states == FREE))
+        rim = rim[~neural_map.cloud.is_near(rim, settings.frontier_gap_m)]
+    shares = np.repeat([1.0, settings.frontier_share], [len(surface), len(rim)])
+    return VariableSurface(np.concatenate([surface, rim]), shares.astype(np.float32))
+
+
+def _predicted_surface(
+    neural_map: NeuralMap, lattice: Lattice, states: NDArray[np.uint8], settings: SurfaceSettings
+) -> NDArray[np.float32]:
+    """(V, 3) zero-crossings that unknown space joins to free space."""
+    reach = round(settings.margin_m / lattice.spacing_m[0])
+    passable = states != OCCUPIED if settings.only_unseen else None
+    nearby = ndimage.binary_dilation(states == FREE, iterations=reach, mask=passable)
+    interior = ndimage.binary_erosion(states == FREE)
+    values = np.ones(lattice.shape, np.float32)
+    # Cubes at the rim of `nearby` are looked at too, so their corners beyond it must be asked as well.
+    asked = ndimage.binary_dilation(nearby, np.ones((3, 3, 3))) & ~interior
+    values[asked] = neural_map.sdf(_points_of(lattice, asked))
+    vertices = zero_crossings_of(values, lattice, nearby).vertices
+    if settings.only_unseen and len(vertices):
+        vertices = vertices[neural_map.volume.state_at(vertices) == UNKNOWN]
+        vertices = vertices[~neural_map.cloud.is_near(vertices, settings.seen_m)]
+    return vertices
+
+
+def _blocks(
+    volume: ObservedVolume, bounds: NDArray[np.float64], edge: int
+) -> tuple[Lattice, NDArray[np.uint8]]:
+    """Pool voxels to blocks that cover (2, 3) bounds and one block more above and below.
+
+    Returns:
+        The centres of the blocks, and the strongest state in each, (X, Y, Z).
+    """
+    spacing_m = edge * volume.voxel_m
+    above = np.array([0, 1, 0])
+    low = np.floor(bounds[0] / spacing_m).astype(np.int64) - above
+    high = np.ceil(bounds[1] / spacing_m).astype(np.int64) + above
+    x, y, z = (high - low).tolist()
+    voxels = volume.window(low * edge, high * edge)
+    states = voxels.reshape(x, edge, y, edge, z, edge).max(axis=(1, 3, 5))
+    return Lattice((low + 0.5) * spacing_m, np.full(3, spacing_m), (x, y, z)), states
+
+
+def _axes(lattice: Lattice) -> list[NDArray[np.float32]]:
+    """Coordinates of the lattice's points along each axis, metres."""
+    return [
+        (low + spacing_m * np.arange(count)).astype(np.float32)
+        for low, spacing_m, count in zip(lattice.low, lattice.spacing_m, lattice.shape, strict=True)
+    ]
+
+
+def _points_of(lattice: Lattice, mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Those points of a lattice, (N, 3), that are in a mask (X, Y, Z)."""
+    indices = np.nonzero(mask)
+    return np.stack([axis[index] for axis, index in zip(_axes(lattice), indices, strict=True)], axis=1)
+
+
+def weigh_by_variability(
+    neural_map: NeuralMap, surface: VariableSurface, settings: SurfaceSettings
+) -> VariableSurface:
+    """Weigh points by their neural variability, relative to that of observed surface (ours)."""
+    observed = neural_map.cloud.points
+    stride = max(1, len(observed) // settings.reference_points)
+    scores = neural_map.variability(np.concatenate([surface.points, observed[::stride]]))
+    reference = float(np.quantile(scores[len(surface.points) :], settings.reference_quantile))
+    variability = scores[: len(surface.points)]
+    return VariableSurface(
+        surface.points, surface.weights * variability / (variability + np.float32(max(reference, 1e-12)))
+    )
