@@ -275,4 +275,4 @@ def _to_world_each(
     """(K, 2) floor points of one offset to the right and ahead of each of K agents."""
     right, ahead = offsets[:, :1], offsets[:, 1:]
     right_xz = np.stack([-ahead_xz[:, 1], ahead_xz[:, 0]], axis=1)
-    return position_xz + right * right_xz + ahead * ahead_xz
+    return np.asarray(position_xz + right * right_xz + ahead * ahead_xz)

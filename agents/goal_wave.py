@@ -52,7 +52,7 @@ class GoalWave:
     def low_cells(self, position_xz: NDArray[np.float32]) -> NDArray[np.int64]:
         """Lower corners (x, z) of windows around (N, 2) places, in cells."""
         cells = np.floor(position_xz / np.float32(self.settings.cell_m)).astype(np.int64)
-        return cells - self.settings.window_cells // 2
+        return np.asarray(cells - self.settings.window_cells // 2)
 
     def due(self, goal_xz: NDArray[np.float32]) -> NDArray[np.int64]:
         """Agents whose wave is to be spread now: it is old, or their goal is new.
@@ -93,7 +93,8 @@ class GoalWave:
         clipped = np.clip(cells, 0, count - 1)
         agents = np.arange(len(points_xz))[:, None]
         straight = np.linalg.norm(points_xz - self._goal_xz[:, None], axis=2)
-        return np.where(inside, self._distance_m[agents, clipped[..., 1], clipped[..., 0]], straight)
+        within = self._distance_m[agents, clipped[..., 1], clipped[..., 0]]
+        return np.asarray(np.where(inside, within, straight))
 
     def _seeds(self, low: NDArray[np.int64], goal_xz: NDArray[np.float32]) -> NDArray[np.float32]:
         """Where waves begin: at the goal, and at the rim with the straight distance."""
@@ -105,7 +106,7 @@ class GoalWave:
         for rim in (np.s_[:, 0], np.s_[:, -1], np.s_[:, :, 0], np.s_[:, :, -1]):
             seeds[rim] = straight[rim]
         is_goal = straight < 0.71 * cell_m
-        return np.where(is_goal, straight, seeds)
+        return np.asarray(np.where(is_goal, straight, seeds))
 
 
 def _relax(

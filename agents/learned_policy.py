@@ -57,4 +57,4 @@ class LearnedPolicy:
             scores = np.where(allowed, scores, -np.inf)
         if not self._deterministic:
             scores = scores + self._rng.gumbel(size=scores.shape)
-        return scores.argmax(axis=1)
+        return np.asarray(scores.argmax(axis=1), np.int64)

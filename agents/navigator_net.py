@@ -58,7 +58,7 @@ class NavigatorNetSettings:
     @classmethod
     def read(cls, values: Mapping[str, Any]) -> "NavigatorNetSettings":
         """Read what `asdict` wrote, with lists for tuples."""
-        memory = {
+        memory: dict[str, Any] = {
             key: tuple(value) if isinstance(value, list) else value for key, value in values["memory"].items()
         }
         memory["wave"] = GoalWaveSettings(**memory["wave"])
@@ -112,6 +112,9 @@ class NavigatorEncoder(nn.Module):
             self.features += 128 * len(scales)
             lattices = np.stack([lattice_offsets(settings.memory, scale) for scale in scales])
             extents = np.abs(lattices).max(axis=(1, 2, 3))
+            self._lattices: Tensor
+            self._extents: Tensor
+            self._flags: Tensor
             self.register_buffer("_lattices", torch.from_numpy(lattices), persistent=False)
             self.register_buffer("_extents", torch.from_numpy(extents), persistent=False)
             self.register_buffer("_flags", torch.from_numpy(np.array(FLAGS)), persistent=False)

@@ -12,7 +12,8 @@ from agents.random_vertex import VERTEX_REASON
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.geometry import wrap_angle
 from anm_gym.map.neural_map import NeuralMap
-from anm_gym.map.view_planner import PlannerSettings, VariableSurface, ViewPlanner
+from anm_gym.map.variable_surface import VariableSurface
+from anm_gym.map.view_planner import PlannerSettings, ViewPlanner
 from anm_gym.map.views import expected_visibility, gains_by_heading, rank_views, view_costs
 from anm_gym.map.voronoi_graph import VoronoiGraph, VoronoiSettings, voronoi_graph
 from anm_gym.sim.grid_planning import line_is_free

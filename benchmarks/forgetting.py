@@ -84,7 +84,7 @@ def _surface(recording: Recording, images: int) -> NDArray[np.float32]:
 
 def _network(neural_map: NeuralMap, points: NDArray[np.float32]) -> NDArray[np.float32]:
     with torch.no_grad():
-        return neural_map.field.network(torch.from_numpy(points)).numpy()
+        return np.asarray(neural_map.field.network(torch.from_numpy(points)).numpy(), np.float32)
 
 
 def _mean_cm(distance_m: NDArray[np.float32]) -> float:

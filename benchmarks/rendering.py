@@ -13,6 +13,7 @@ import statistics
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -59,8 +60,8 @@ def compare(scene: Scene, num_poses: int, seed: int = 0) -> Comparison:
     for pose in _poses(scene, spec, num_poses, seed):
         rays = _prebuilt_rays(pose, spec)
         for repetition in range(1 + REPETITIONS):
-            camera_ms, ours = _cpu_ms(lambda p=pose: camera.render(p))
-            bare_ms, theirs = _cpu_ms(lambda r=rays: bare.run(*r, query="DISTANCE"))
+            camera_ms, ours = _cpu_ms(partial(camera.render, pose))
+            bare_ms, theirs = _cpu_ms(partial(bare.run, *rays, query="DISTANCE"))
             if repetition > 0:  # the first warms the caches for both
                 pairs.append((camera_ms, bare_ms))
         difference_mm = max(difference_mm, _difference_mm(ours, theirs))

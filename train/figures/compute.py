@@ -102,12 +102,12 @@ def _draw(result: Compute, path: Path) -> Path:
     shown = [name for name, share in result.share_pct.items() if share >= 100.0 * MIN_SHARE]
     sheet = Figure(figsize=(11.0, 1.0 + 1.15 * len(shown)), layout="constrained")
     grid = sheet.add_gridspec(len(shown), 2, width_ratios=(4.2, 1.0))
-    first = None
+    axes: list[Any] = []
     for row, name in enumerate(shown):
-        axis = first = sheet.add_subplot(grid[row, 0], sharex=first)
-        _draw_module(axis, result, name, PALETTE[row % len(PALETTE)])
-        axis.tick_params(labelbottom=row == len(shown) - 1)
-    first.set_xlabel("step")
+        axes.append(sheet.add_subplot(grid[row, 0], sharex=axes[0] if axes else None))
+        _draw_module(axes[-1], result, name, PALETTE[row % len(PALETTE)])
+        axes[-1].tick_params(labelbottom=row == len(shown) - 1)
+    axes[-1].set_xlabel("step")
     sheet.supylabel("CPU time (ms per step)", fontsize=10)
     _draw_shares(sheet.add_subplot(grid[:, 1]), result, shown)
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -238,10 +238,11 @@ def unseen_zero_crossings(neural_map: NeuralMap) -> NDArray[np.float32]:
     """Zero-crossings of the network around the observed space, where nothing was seen yet, (N, 3) metres."""
 
     def sdf(points: NDArray[np.float32]) -> NDArray[np.float32]:
-        return predict(neural_map.field.network, torch.tensor(points, device=neural_map.device)).cpu().numpy()
+        asked = torch.tensor(points, device=neural_map.device)
+        return np.asarray(predict(neural_map.field.network, asked).cpu().numpy(), np.float32)
 
     vertices = surface_around_observed(neural_map, VOXEL_M, sdf).vertices
-    return vertices[neural_map.volume.state_at(vertices) == UNKNOWN]
+    return np.asarray(vertices[neural_map.volume.state_at(vertices) == UNKNOWN])
 
 
 def choose_false_point(found: Sequence[FalsePoints], moment: Moment) -> FalsePoints:

@@ -110,7 +110,9 @@ def running_mean(values: NDArray[np.float64], width: int) -> NDArray[np.float64]
     known = np.isfinite(values)
     sums = np.convolve(np.where(known, values, 0.0), kernel, "same")
     counts = np.convolve(known.astype(float), kernel, "same")
-    return np.divide(sums, counts, out=np.full(len(values), np.nan), where=counts > 0)
+    means = np.full(len(values), np.nan)
+    np.divide(sums, counts, out=means, where=counts > 0)
+    return means
 
 
 def _draw(result: Terms, path: Path) -> Path:

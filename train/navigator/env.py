@@ -157,7 +157,7 @@ class NavigationVecEnv(VecEnvWrapper):
 
 def observation_space(observer: NavigationObserver) -> spaces.Dict:
     """The space of the network's observations."""
-    boxes = {}
+    boxes: dict[str, spaces.Space[Any]] = {}
     for key, (shape, dtype) in observer.shapes().items():
         low, high = (0, 255) if dtype is np.uint8 else (-np.inf, np.inf)
         boxes[key] = spaces.Box(low, high, shape, dtype)

@@ -74,6 +74,9 @@ class NavigatorPpo(RecurrentPPO):
         kwargs: The library's: `tensorboard_log`, `verbose`, `device`.
     """
 
+    policy: NavigatorPolicy
+    rollout_buffer: EnvironmentBuffer
+
     def __init__(
         self,
         env: VecEnv,

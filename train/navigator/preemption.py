@@ -6,6 +6,7 @@ from typing import final
 
 import torch
 from torch import distributed
+from torch.distributed import TCPStore  # type: ignore[attr-defined]
 
 from train.navigator.ranks import TIMEOUT, Ranks
 
@@ -55,7 +56,8 @@ class Preemption:
         """
         if self._store is None or done_share < self._settings.least_share:
             return False
-        return self._store.add(self._key, 0) >= self._settings.finished_share * self._ranks.world
+        finished: int = self._store.add(self._key, 0)
+        return finished >= self._settings.finished_share * self._ranks.world
 
     @property
     def _key(self) -> str:
@@ -63,14 +65,14 @@ class Preemption:
         return f"finished/{self._iteration}"
 
 
-def _open_store(ranks: Ranks) -> distributed.TCPStore:
+def _open_store(ranks: Ranks) -> TCPStore:
     """The first process opens a port and tells the others."""
     host = os.environ["MASTER_ADDR"]
     port = torch.zeros(1, dtype=torch.int64)
     if ranks.is_first:
-        store = distributed.TCPStore(host, 0, is_master=True, wait_for_workers=False, timeout=TIMEOUT)
+        store = TCPStore(host, 0, is_master=True, wait_for_workers=False, timeout=TIMEOUT)
         port[0] = store.port
         distributed.broadcast(port, src=0)
         return store
     distributed.broadcast(port, src=0)
-    return distributed.TCPStore(host, int(port), is_master=False, timeout=TIMEOUT)
+    return TCPStore(host, int(port), is_master=False, timeout=TIMEOUT)

@@ -13,7 +13,6 @@ import torch
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger, configure
 from stable_baselines3.common.vec_env import VecMonitor
-from torch import nn
 from tqdm import tqdm
 
 from agents.navigator_net import NavigatorNet
@@ -22,6 +21,7 @@ from train.navigator.checkpoint import Progress, TrainingCheckpoint
 from train.navigator.dagger import Dagger
 from train.navigator.env import NavigationVecEnv
 from train.navigator.episodes import episodes_of, play_learned
+from train.navigator.policy import NavigatorPolicy
 from train.navigator.ppo import NavigatorPpo
 from train.navigator.presets import NavigatorTraining
 from train.navigator.ranks import Ranks
@@ -125,7 +125,11 @@ class NavigatorRun:
         return model.policy.as_net()
 
     def after_round(
-        self, module: nn.Module, optimizer: torch.optim.Optimizer, frames: int, logger: Logger
+        self,
+        module: NavigatorNet | NavigatorPolicy,
+        optimizer: torch.optim.Optimizer,
+        frames: int,
+        logger: Logger,
     ) -> None:
         """Evaluate and save when it is time; the first process does it for all."""
         before, self.progress.frames = self.progress.frames, frames
@@ -196,6 +200,7 @@ class _Watch(BaseCallback):
         # The update of the last rollout is done here, so this is what a checkpoint should hold.
         run, frames = self._run, self.model.num_timesteps
         self._bar.update(frames - self._bar.n)
+        assert isinstance(self.model, NavigatorPpo)
         run.after_round(self.model.policy, self.model.policy.optimizer, frames, self.model.logger)
         self.model.policy.learn_values_only(frames < run.training.reinforcement.value_frames)
 

@@ -77,7 +77,7 @@ class AnticipatorLearner(BatchLearner[Frames]):
         return functional.binary_cross_entropy_with_logits(self.net(_as_tensor(looks)), _as_tensor(labels))
 
     def _learning_rate(self, done_share: float) -> float:
-        return self.settings.learning_rate * self.settings.last_rate_share**done_share
+        return float(self.settings.learning_rate * self.settings.last_rate_share**done_share)
 
     def _draw(self, frames: Frames) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         rng = np.random.default_rng([self._seed, 1, self.num_done])

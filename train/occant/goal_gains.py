@@ -134,7 +134,8 @@ class GainLearner(BatchLearner[GoalGains]):
         """Mean squared error of the gains, m^4."""
         views, goals, gains_m2 = self._draw(data)
         expected_m2 = self.value(views)[:, 0] + self.scores(views).gather(1, goals[:, None])[:, 0]
-        return (expected_m2 - gains_m2).square().mean()
+        loss: Tensor = (expected_m2 - gains_m2).square().mean()
+        return loss
 
     def _learning_rate(self, done_share: float) -> float:
         return self.settings.learning_rate * (1.0 - done_share)

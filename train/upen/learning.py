@@ -83,10 +83,11 @@ class MemberLearner(BatchLearner[Crops]):
 
     def _loss(self, data: Crops) -> Tensor:
         inputs, labels = self._draw(data)
-        return nn.functional.cross_entropy(self.net(inputs), labels)
+        loss: Tensor = nn.functional.cross_entropy(self.net(inputs), labels)
+        return loss
 
     def _learning_rate(self, done_share: float) -> float:
-        return self.settings.learning_rate * self.settings.last_rate_share**done_share
+        return float(self.settings.learning_rate * self.settings.last_rate_share**done_share)
 
     def _draw(self, crops: Crops) -> tuple[Tensor, Tensor]:
         """A batch: (B, 3, h, w) float32 probabilities and (B, h, w) int64 classes."""
