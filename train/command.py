@@ -37,10 +37,10 @@ def scene_label(spec: str) -> str:
     return Path(spec).stem if Path(spec).suffix else spec
 
 
-def episode_name(agent: str, preset: str, scene: str, seed: int) -> str:
-    """Name the files of an episode, without characters that file systems refuse."""
-    parts = (agent, preset, scene, str(seed))
-    return "_".join("".join(c if c.isalnum() or c in "-." else "-" for c in part) for part in parts if part)
+def file_stem(*parts: str | int) -> str:
+    """Name a file after what it holds, without characters that file systems refuse; empty parts fall away."""
+    words = ["".join(c if c.isalnum() or c in "-." else "-" for c in str(part)) for part in parts]
+    return "_".join(word for word in words if word)
 
 
 def run_command(main: Callable[[], Any]) -> None:

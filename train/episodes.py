@@ -12,7 +12,7 @@ from agents.roster import ROSTER, build_agent, parse_agent
 from anm_gym.errors import SceneError
 from anm_gym.scenes.scene import Scene
 from train.attribution import attribute
-from train.command import episode_name, scene_label
+from train.command import file_stem, scene_label
 from train.pictures import write_topdown
 from train.provenance import digest, effective_settings, geometry_digest, versions
 from train.recorder import EpisodeRecorder, Progress, SimulatorClock, find_attribute
@@ -62,7 +62,11 @@ class Job:
     @property
     def protocol(self) -> str:
         """Name of the protocol, with a hash of the environment's arguments if they are not the defaults."""
-        return self.conditions + (f"-{digest(self.env_options, 6)}" if self.env_options else "")
+        return f"{self.conditions}-{self._env_digest}" if self.env_options else self.conditions
+
+    @property
+    def _env_digest(self) -> str:
+        return digest(self.env_options, 6) if self.env_options else ""
 
     @property
     def identity(self) -> Row:
@@ -84,7 +88,8 @@ class Job:
     @property
     def name(self) -> str:
         """Stem of its files."""
-        return episode_name(self.agent, self.preset, scene_label(self.scene), self.seed)
+        scene = scene_label(self.scene)
+        return file_stem(self.agent, self.preset, scene, self.seed, self.steps, self._env_digest)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 import pytest
 
 from anm_gym.errors import SceneError
-from train.command import episode_name, parse_seeds, run_command, scene_label, split_list
+from train.command import file_stem, parse_seeds, run_command, scene_label, split_list
 
 
 @pytest.mark.parametrize(
@@ -32,9 +32,9 @@ def test_scene_is_called_by_its_stem():
     assert scene_label("home:flat:1") == "home:flat:1"
 
 
-def test_episode_name_is_fit_for_a_file():
-    assert episode_name("anm", "best", "home:flat:1", 3) == "anm_best_home-flat-1_3"
-    assert episode_name("random", "", "../x y", 0) == "random_..-x-y_0"
+def test_stem_is_fit_for_a_file():
+    assert file_stem("anm", "best", "home:flat:1", 3) == "anm_best_home-flat-1_3"
+    assert file_stem("random", "", "../x y", 0) == "random_..-x-y_0"
 
 
 def test_error_about_the_world_ends_as_one_line(capsys):

@@ -63,11 +63,13 @@ def test_episodes_with_a_row_are_not_run_again(tmp_path, play, played):
     assert [row for row in rows if row["seed"] < 2] == first
 
 
-def test_another_budget_or_camera_is_another_episode(tmp_path, play, played):
-    evaluate(make_evaluation(tmp_path), backend=HERE, play=play)
-    evaluate(make_evaluation(tmp_path, steps=5), backend=HERE, play=play)
-    evaluate(make_evaluation(tmp_path, env_options={"camera": {"width_px": 64}}), backend=HERE, play=play)
+def test_another_budget_or_camera_is_another_episode_with_files_of_its_own(tmp_path, play, played):
+    changes = ({}, {"steps": 5}, {"env_options": {"camera": {"width_px": 64}}})
+    evaluations = [make_evaluation(tmp_path, **changed) for changed in changes]
+    for evaluation in evaluations:
+        evaluate(evaluation, backend=HERE, play=play)
     assert len(set(played)) == 36
+    assert len({job.name for evaluation in evaluations for job in evaluation.jobs()}) == 36
 
 
 def test_torn_row_and_failed_episode_are_run_again(tmp_path, play, played):

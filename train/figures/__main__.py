@@ -17,7 +17,7 @@ from tqdm import tqdm
 
 from agents.roster import build_agent
 from anm_gym.errors import AnmError
-from train.command import episode_name, run_command, scene_label
+from train.command import file_stem, run_command, scene_label
 from train.episodes import make_env
 from train.figures.compute import ComputeTrace
 from train.figures.landscape import LandscapeTrace
@@ -84,7 +84,7 @@ class Request:
     @property
     def stem(self) -> str:
         """Name of the episode in the names of the files."""
-        return episode_name("anm", self.preset, scene_label(self.scene), self.seed)
+        return file_stem("anm", self.preset, scene_label(self.scene), self.seed)
 
 
 @dataclass(frozen=True)
