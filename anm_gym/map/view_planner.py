@@ -3,7 +3,8 @@
 1. Surface that nobody has seen is collected and scored by neural variability, see
    `anm_gym.map.variable_surface`.
 2. The reachable floor is searched, and places near much variable surface are kept.
-3. Each place and heading is ranked by the variable surface in view per step of cost.
+3. Each place and heading is ranked by what it would show per step of cost: variable surface, and space that
+   nobody has seen, where surface may be that the map does not imagine.
 """
 
 from dataclasses import dataclass, field, replace
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from anm_gym.map.cloud import SurfaceCloud
 from anm_gym.map.neural_map import NeuralMap
 from anm_gym.map.reach import ReachableSpace, ReachSettings, reachable_space
+from anm_gym.map.unseen_volume import UnseenSettings, unseen_volume
 from anm_gym.map.variable_surface import (
     SurfaceSettings,
     VariableSurface,
@@ -39,6 +41,10 @@ class PlannerSettings:
     """Ranges, counts and costs."""
     surface: SurfaceSettings = field(default_factory=SurfaceSettings)
     """Which surface is worth looking at."""
+    unseen: UnseenSettings = field(default_factory=lambda: UnseenSettings(decay_m=3.0))
+    """Which rays look for unseen space; their headings are those of `views`."""
+    unseen_worth: float = 16.0
+    """Worth of a cubic metre of unseen space in view, in points of surface."""
     reach: ReachSettings = field(default_factory=ReachSettings)
     """What counts as passable."""
     keep_share: float = 0.8
@@ -98,10 +104,7 @@ class ViewPlanner:
         camera_y_m = neural_map.occupancy.floor_y_m + neural_map.camera.sensor_height_m
         positions, distances, own = self._candidates(space, surface, position_xz, current, excluded_xz)
         centers = np.insert(positions, 1, camera_y_m, axis=1)
-        visibility = expected_visibility(centers, surface.points, neural_map.volume, self.settings.views)
-        gains = gains_by_heading(
-            centers, surface.points, surface.weights, visibility, neural_map.camera, self.settings.views
-        )
+        gains = self._gains(neural_map, surface, centers)
         gains[own, self._sectors_near(heading_rad)] = 0.0
         costs = view_costs(positions, distances, position_xz, heading_rad, self.settings.views)
         best, utilities = rank_views(positions, gains, costs, self.settings.views)
@@ -150,7 +153,8 @@ class ViewPlanner:
         if count <= self.settings.views.max_points:
             return surface
         chosen = rng.choice(count, self.settings.views.max_points, replace=False)
-        return VariableSurface(surface.points[chosen], surface.weights[chosen])
+        share = np.float32(len(chosen) / count)
+        return VariableSurface(surface.points[chosen], surface.weights[chosen] / share)
 
     def _candidates(
         self,
@@ -184,6 +188,19 @@ class ViewPlanner:
             np.concatenate([np.array([*first_cost, 0.0]), distances[best]]),
             len(first),
         )
+
+    def _gains(
+        self, neural_map: NeuralMap, surface: VariableSurface, centers: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """(P, H) what a view from each of (P, 3) centres is hoped to show."""
+        views, volume, camera = self.settings.views, neural_map.volume, neural_map.camera
+        visibility = expected_visibility(centers, surface.points, volume, views)
+        gains = gains_by_heading(centers, surface.points, surface.weights, visibility, camera, views)
+        if self.settings.unseen_worth > 0.0:
+            unseen = replace(self.settings.unseen, num_headings=views.num_headings)
+            floor_y_m = neural_map.occupancy.floor_y_m
+            gains += self.settings.unseen_worth * unseen_volume(volume, centers, floor_y_m, camera, unseen)
+        return gains
 
     def _promise(self, positions: NDArray[np.float64], surface: VariableSurface) -> NDArray[np.float64]:
         """Weight of the surface within range of each place."""

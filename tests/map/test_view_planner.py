@@ -5,6 +5,8 @@ import numpy as np
 from anm_gym.map.neural_map import NeuralMap
 from anm_gym.map.variable_surface import SurfaceSettings
 from anm_gym.map.view_planner import PlannerSettings, ViewPlanner
+from anm_gym.map.views import View
+from anm_gym.map.volume import UNKNOWN
 
 START = np.array([-3.0, 0.0])
 """Where `left_room` was seen from."""
@@ -27,6 +29,19 @@ def test_view_under_way_is_kept_unless_another_is_clearly_better(
     assert planner.plan(left_room, START, 0.0, rng, current=view) is view
     strict = ViewPlanner(PlannerSettings(keep_share=10.0))
     assert strict.plan(left_room, START, 0.0, rng, current=view) is not view
+
+
+def test_unseen_space_is_worth_a_view_too(left_room: NeuralMap) -> None:
+    def view(unseen_worth: float) -> View:
+        planner = ViewPlanner(PlannerSettings(unseen_worth=unseen_worth))
+        found = planner.plan(left_room, START, 0.0, np.random.default_rng(0))
+        assert found is not None
+        return found
+
+    through_the_door = view(1e6)
+    assert through_the_door.gain > 1e6 > view(0.0).gain
+    assert -np.sin(through_the_door.heading_rad) > 0.5
+    assert left_room.volume.state_at(np.array([2.0, 1.25, 1.5])) == UNKNOWN
 
 
 def test_failed_places_are_left_out(left_room: NeuralMap, rng: np.random.Generator) -> None:
