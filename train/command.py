@@ -22,13 +22,17 @@ def parse_seeds(text: str | int | Sequence[str | int]) -> list[int]:
         text: "3", "0,1,2", ["0", "1"]; a comma behind a single number makes it the seed: "7,".
 
     Raises:
-        ValueError: If a word is not a whole number of at least 0, or none is given.
+        ValueError: If a word is not a whole number of at least 0, or no seed is named.
     """
     joined = str(text) if isinstance(text, str | int) else " ".join(map(str, text))
     words = split_list(joined)
-    if not words or not all(word.isdecimal() for word in words):
-        raise ValueError(f"`seeds` must be a count or whole numbers such as '0,1,2', got {joined!r}")
+    are_numbers = bool(words) and all(word.isdecimal() for word in words)
     is_count = len(words) == 1 and "," not in joined
+    if not are_numbers or (is_count and int(words[0]) == 0):
+        raise ValueError(
+            f"`seeds` must be a count of at least 1 or whole numbers such as '0,1,2', got {joined!r}; "
+            "the seed 0 alone is '0,'"
+        )
     return list(range(int(words[0]))) if is_count else [int(word) for word in words]
 
 

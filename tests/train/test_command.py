@@ -21,9 +21,9 @@ def test_one_number_is_a_count_and_several_are_seeds(text, seeds):
     assert parse_seeds(text) == seeds
 
 
-@pytest.mark.parametrize("text", ["", "-1,2", "one", []])
+@pytest.mark.parametrize("text", ["", "-1,2", "one", [], "0"])
 def test_seeds_that_are_no_whole_numbers_are_refused(text):
-    with pytest.raises(ValueError, match="`seeds` must be a count or whole numbers"):
+    with pytest.raises(ValueError, match="`seeds` must be a count of at least 1 or whole numbers"):
         parse_seeds(text)
 
 
