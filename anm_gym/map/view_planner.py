@@ -104,7 +104,7 @@ class ViewPlanner:
         camera_y_m = neural_map.occupancy.floor_y_m + neural_map.camera.sensor_height_m
         positions, distances, own = self._candidates(space, surface, position_xz, current, excluded_xz)
         centers = np.insert(positions, 1, camera_y_m, axis=1)
-        gains = self._gains(neural_map, surface, centers)
+        gains = self.expected_gains(neural_map, surface, centers)
         gains[own, self._sectors_near(heading_rad)] = 0.0
         costs = view_costs(positions, distances, position_xz, heading_rad, self.settings.views)
         best, utilities = rank_views(positions, gains, costs, self.settings.views)
@@ -131,6 +131,28 @@ class ViewPlanner:
             return surface
         surface = self._subsample(surface, rng)
         return weigh_by_variability(neural_map, surface, self.settings.surface)
+
+    def expected_gains(
+        self, neural_map: NeuralMap, surface: VariableSurface, centers: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Estimate what views would newly show: variable surface, and the worth of unseen space.
+
+        Args:
+            neural_map: The map.
+            surface: From `variable_surface`.
+            centers: (P, 3) camera centres, metres, world frame.
+
+        Returns:
+            (P, H) gains, in points of surface; heading h is ``2 pi h / H`` radians.
+        """
+        views, volume, camera = self.settings.views, neural_map.volume, neural_map.camera
+        visibility = expected_visibility(centers, surface.points, volume, views)
+        gains = gains_by_heading(centers, surface.points, surface.weights, visibility, camera, views)
+        if self.settings.unseen_worth > 0.0:
+            unseen = replace(self.settings.unseen, num_headings=views.num_headings)
+            floor_y_m = neural_map.occupancy.floor_y_m
+            gains += self.settings.unseen_worth * unseen_volume(volume, centers, floor_y_m, camera, unseen)
+        return gains
 
     def _believable(
         self, surface: VariableSurface, neural_map: NeuralMap, center: NDArray[np.float64], heading_rad: float
@@ -188,19 +210,6 @@ class ViewPlanner:
             np.concatenate([np.array([*first_cost, 0.0]), distances[best]]),
             len(first),
         )
-
-    def _gains(
-        self, neural_map: NeuralMap, surface: VariableSurface, centers: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """(P, H) what a view from each of (P, 3) centres is hoped to show."""
-        views, volume, camera = self.settings.views, neural_map.volume, neural_map.camera
-        visibility = expected_visibility(centers, surface.points, volume, views)
-        gains = gains_by_heading(centers, surface.points, surface.weights, visibility, camera, views)
-        if self.settings.unseen_worth > 0.0:
-            unseen = replace(self.settings.unseen, num_headings=views.num_headings)
-            floor_y_m = neural_map.occupancy.floor_y_m
-            gains += self.settings.unseen_worth * unseen_volume(volume, centers, floor_y_m, camera, unseen)
-        return gains
 
     def _promise(self, positions: NDArray[np.float64], surface: VariableSurface) -> NDArray[np.float64]:
         """Weight of the surface within range of each place."""
