@@ -106,6 +106,7 @@ class RhNbvGoalWrapper(GoalWrapper):
 
     def _begin_episode(self) -> None:
         self._views = UnseenViews(self, self.settings.unseen)
+        self._taken: list[tuple[float, float, float]] = []
         self._branch: list[NDArray[np.float64]] = []
         self._looks: list[tuple[NDArray[np.float64], float]] = []
         self._promised_m3 = 0.0
@@ -113,6 +114,7 @@ class RhNbvGoalWrapper(GoalWrapper):
     def _see(self, observation: Observation) -> None:
         with self.stopwatch("goal"):
             self._views.add(observation)
+            self._taken.append((*self.position_xz, self.heading_rad))
 
     def _propose_goal(self) -> Goal | None:
         space = reachable_space(self.occupancy, self.position_xz, self.settings.reach)
@@ -145,18 +147,19 @@ class RhNbvGoalWrapper(GoalWrapper):
         while True:
             tree = grow_view_tree(space, self.position_xz, old_branch, growth, self.rng)
             unseen = self._views.by_cell(tree.positions_xz)
-            self._forget_reached(tree.positions_xz, unseen.share)
+            unseen.share[self._were_taken(tree.positions_xz, unseen.share.shape[1])] = 0.0
             looks = best_looks(tree, unseen, self.heading_rad, worth, self.rng)
             if looks or growth.iterations >= self.settings.max_iterations:
                 return tree, looks
             growth = replace(growth, iterations=2 * growth.iterations)
 
-    def _forget_reached(self, positions_xz: NDArray[np.float64], share: NDArray[np.float32]) -> None:
-        """Expect nothing of looks that the agent is taking: what they hide is too far, or too small."""
-        headings = 2.0 * np.pi * np.arange(share.shape[1]) / share.shape[1]
-        away = np.abs((headings - self.heading_rad + np.pi) % (2.0 * np.pi) - np.pi)
-        near = np.linalg.norm(positions_xz - self.position_xz, axis=1) <= self.limits.arrival_m
-        share[np.ix_(near, away <= np.deg2rad(self.limits.arrival_deg))] = 0.0
+    def _were_taken(self, positions_xz: NDArray[np.float64], num_headings: int) -> NDArray[np.bool_]:
+        """(P, H) looks that the agent has taken: what they hide is too far or too small, now as then."""
+        taken = np.array(self._taken)
+        near = np.linalg.norm(positions_xz[:, None] - taken[None, :, :2], axis=2) <= self.limits.arrival_m
+        headings = 2.0 * np.pi * np.arange(num_headings) / num_headings
+        away = np.abs((headings - taken[:, 2:] + np.pi) % (2.0 * np.pi) - np.pi)
+        return np.asarray(near @ (away <= np.deg2rad(self.limits.arrival_deg)))
 
     def _shown_m3(self) -> float:
         """What the looks ahead would show now, cubic metres."""

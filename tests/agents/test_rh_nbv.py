@@ -3,11 +3,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from agents.navigators import make_navigator
 from agents.rh_nbv import PRESETS, RhNbvGoalWrapper
 from anm_gym.actions import Action
 from anm_gym.envs.explore import ExploreEnv
+from anm_gym.map.unseen_volume import UnseenByCell
 from anm_gym.mesh import TriangleMesh
 from anm_gym.wrappers.goal import Goal
 
@@ -82,6 +84,19 @@ def test_look_that_is_being_taken_is_not_a_goal(explore: Explore, two_rooms: Tri
         here = Goal(env.position_xz, env.heading_rad, "here")
         assert env.is_reached(here)
         assert not env.is_reached(env.goal)
+
+
+def test_looks_that_were_taken_are_not_goals_again(
+    turned: RhNbvGoalWrapper, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def always_unseen_from_here(positions_xz: NDArray[np.float64]) -> UnseenByCell:
+        share = np.zeros((len(positions_xz), 36, 1), np.float32)
+        share[np.linalg.norm(positions_xz - turned.position_xz, axis=1) < 0.1] = 1.0
+        return UnseenByCell(np.array([5.0]), share, share.copy())
+
+    monkeypatch.setattr(turned._views, "by_cell", always_unseen_from_here)
+    turned.report_unreachable("again")
+    assert turned.goal.reason == "wander"
 
 
 def test_same_seed_proposes_the_same_goals(explore: Explore, two_rooms: TriangleMesh) -> None:
