@@ -11,7 +11,7 @@ per step of way shows per step, as a share of what the best view shows.
 import argparse
 import json
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -26,14 +26,12 @@ from anm_gym.map.neural_map import NeuralMap
 from anm_gym.map.reach import reachable_space
 from anm_gym.map.unseen_volume import UnseenSettings, unseen_volume
 from anm_gym.map.view_planner import PlannerSettings, ViewPlanner
-from anm_gym.metrics.completion import THRESHOLD_M
-from anm_gym.metrics.depth_view import depth_view
-from anm_gym.metrics.nearest_observed import NearestObserved
-from anm_gym.metrics.sample_blocks import SampleBlocks
+from anm_gym.metrics.oracle import GreedyCoverage
 from anm_gym.metrics.table_cache import load_view_table
-from anm_gym.metrics.view_table import ViewTable, pack
+from anm_gym.metrics.view_table import ViewTable
 from train.command import run_command, scene_label, split_list
 from train.episodes import make_env, scene_of
+from train.figures.map_probe import still_copy
 from train.pool import prepare_worker
 from train.results import Row
 
@@ -97,30 +95,6 @@ def _unseen(settings: UnseenSettings) -> Gains:
     return gains
 
 
-@dataclass
-class TrueGains:
-    """What views of a table would newly cover, as an episode goes on."""
-
-    table: ViewTable
-    """Places, headings, and what they cover."""
-    nearest: NearestObserved = field(init=False)
-    """What was covered."""
-
-    def __post_init__(self) -> None:
-        self.nearest = NearestObserved(SampleBlocks(self.table.points), THRESHOLD_M)
-
-    def see(self, observation: dict[str, Any], env: gym.Env[Any, Any]) -> None:
-        """Account for a frame."""
-        camera = env.get_wrapper_attr("camera")
-        self.nearest.observe(depth_view(observation["depth"], camera, observation["world_from_camera"]))
-
-    def of(self, places: NDArray[np.int64]) -> NDArray[np.float64]:
-        """(P, K) share of the surface that each place newly covers at each heading."""
-        missing = pack(~self.nearest.covered)
-        newly = np.bitwise_count(self.table.bits[places] & missing).sum(axis=-1, dtype=np.int64)
-        return np.asarray(newly / self.table.num_samples)
-
-
 def compare(scene: str, steps: int, bar: "tqdm[None]", seed: int = 0) -> list[Row]:
     """Explore a scene, and compare on the way.
 
@@ -129,17 +103,17 @@ def compare(scene: str, steps: int, bar: "tqdm[None]", seed: int = 0) -> list[Ro
     """
     agent = build_agent("anm", make_env(scene, steps, {}), seed)
     observation, _ = agent.env.reset(seed=seed)
-    simulator = agent.env.get_wrapper_attr("simulator")
+    simulator, camera = agent.env.get_wrapper_attr("simulator"), agent.env.get_wrapper_attr("camera")
     component = simulator.grid.component_at(agent.env.get_wrapper_attr("position_xz"))
-    truth = TrueGains(load_view_table(scene_of(agent.env).storey_mesh, simulator, max(component, 1)))
-    gains, rows = gains_by_name(), []
-    truth.see(observation, agent.env)
+    table = load_view_table(scene_of(agent.env).storey_mesh, simulator, max(component, 1))
+    truth, gains, rows = GreedyCoverage(table, simulator.grid), gains_by_name(), []
+    truth.mark_seen(observation["depth"], camera, observation["world_from_camera"])
     for step in range(1, steps + 1):
         action, _ = agent.policy.predict(observation)
         observation, _, terminated, truncated, _ = agent.env.step(action)
-        truth.see(observation, agent.env)
+        truth.mark_seen(observation["depth"], camera, observation["world_from_camera"])
         if step % EVERY == 0:
-            for name, compared in _rate(agent.env, truth, gains, np.random.default_rng([seed, step])):
+            for name, compared in _rate(agent.env, table, truth, gains, np.random.default_rng([seed, step])):
                 rows.append({"scene": scene_label(scene), "step": step, "gain": name, **compared})
         bar.update()
         if terminated or truncated:
@@ -149,10 +123,14 @@ def compare(scene: str, steps: int, bar: "tqdm[None]", seed: int = 0) -> list[Ro
 
 
 def _rate(
-    env: gym.Env[Any, Any], truth: TrueGains, gains: dict[str, Gains], rng: np.random.Generator
+    env: gym.Env[Any, Any],
+    table: ViewTable,
+    truth: GreedyCoverage,
+    gains: dict[str, Gains],
+    rng: np.random.Generator,
 ) -> Iterator[tuple[str, Row]]:
     """Score every gain at the present moment; nothing if no place is reachable or no view shows anything."""
-    neural_map, table = env.get_wrapper_attr("neural_map"), truth.table
+    neural_map = env.get_wrapper_attr("neural_map")
     position_xz, heading_rad = env.get_wrapper_attr("position_xz"), env.get_wrapper_attr("heading_rad")
     planner = PlannerSettings()
     space = reachable_space(neural_map.occupancy, position_xz, planner.reach)
@@ -162,15 +140,16 @@ def _rate(
     inside = np.flatnonzero(space.frame.contains(cells))
     places = inside[space.reachable[cells[inside, 0], cells[inside, 1]]]
     places = rng.permutation(places)[:PLACES]
-    true = truth.of(places)
+    true = truth.newly_covered(places) / table.num_samples
     if true.size == 0 or true.max() < LEAST_GAIN:
         return
     camera_y_m = neural_map.occupancy.floor_y_m + neural_map.camera.sensor_height_m
     centers = np.insert(table.positions_xz[places], 1, camera_y_m, axis=1)
     distance_m = space.cost_m[cells[places, 0], cells[places, 1]]
     steps = distance_m / planner.views.forward_step_m + planner.views.fixed_cost_steps
-    moment = Moment(neural_map, position_xz, heading_rad, centers)
     for name, gain in gains.items():
+        # Of a copy: asking draws, and the map must learn on as if nobody had asked.
+        moment = Moment(still_copy(neural_map), position_xz, heading_rad, centers)
         yield name, scores(_at_headings(gain(moment), true.shape[1]), true, steps)
 
 
@@ -206,7 +185,7 @@ def format_table(rows: Sequence[Row]) -> str:
         own = [row for row in rows if row["gain"] == name]
         efficiency = np.array([row["efficiency"] for row in own])
         correlation = np.mean([row["rank_correlation"] for row in own])
-        error = efficiency.std() / np.sqrt(len(own))
+        error = efficiency.std(ddof=1) / np.sqrt(len(own)) if len(own) > 1 else np.nan
         lines.append(f"{name:<38}{len(own):>8}{correlation:>18.3f}{efficiency.mean():>11.3f} ± {error:.3f}")
     return "\n".join(lines)
 

@@ -28,7 +28,7 @@ from anm_gym.metrics.ranking import reliability
 from train.results import Row
 
 MARGIN_M: Final = 1.0
-"""How far into unknown space zero-crossings are followed, metres, as the view planner does."""
+"""How far into unknown space zero-crossings are followed, metres, as far as the view planner does."""
 
 NUM_CROSSINGS: Final = 2000
 """Zero-crossings that are ranked, at most."""

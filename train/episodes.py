@@ -62,11 +62,7 @@ class Job:
     @property
     def protocol(self) -> str:
         """Name of the protocol, with a hash of the environment's arguments if they are not the defaults."""
-        return f"{self.conditions}-{self._env_digest}" if self.env_options else self.conditions
-
-    @property
-    def _env_digest(self) -> str:
-        return digest(self.env_options, 6) if self.env_options else ""
+        return self.conditions + (f"-{digest(self.env_options, 6)}" if self.env_options else "")
 
     @property
     def identity(self) -> Row:
@@ -89,7 +85,7 @@ class Job:
     def name(self) -> str:
         """Stem of its files."""
         scene = scene_label(self.scene)
-        return file_stem(self.agent, self.preset, scene, self.seed, self.steps, self._env_digest)
+        return file_stem(self.agent, self.preset, scene, self.seed, self.steps, self.protocol)
 
 
 @dataclass(frozen=True)

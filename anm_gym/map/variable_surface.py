@@ -1,8 +1,8 @@
 """Surface that is worth a look: predicted where nobody has seen any, or hoped for beyond free space.
 
 What the map predicts behind a wall that was seen whole is nobody's to see, and there is far more of it than
-of what can be seen. So predictions are followed from free space through unknown space alone, and blocks of
-voxels keep their strongest state, lest the gaps between the hits on a wall be taken for openings.
+of what can be seen. So predictions are followed from free space through space without hits alone, and blocks
+of voxels keep their strongest state, lest the gaps between the hits on a wall be taken for openings.
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from scipy import ndimage
 
 from anm_gym.map.neural_map import NeuralMap
 from anm_gym.map.volume import FREE, OCCUPIED, UNKNOWN, ObservedVolume
-from anm_gym.map.zero_crossings import Lattice, zero_crossings_of
+from anm_gym.map.zero_crossings import Lattice, zero_crossings_within
 
 
 @dataclass(frozen=True)
@@ -43,6 +43,13 @@ class SurfaceSettings:
     reference_points: int = 512
     """Observed points from which that quantile is taken."""
 
+    def __post_init__(self) -> None:
+        if self.block_voxels < 1 or self.margin_m < 0.0:
+            raise ValueError(
+                "`block_voxels` must be >= 1 and `margin_m` >= 0, "
+                f"got {self.block_voxels} and {self.margin_m}"
+            )
+
 
 @dataclass(frozen=True)
 class VariableSurface:
@@ -65,7 +72,7 @@ def worthwhile_points(neural_map: NeuralMap, settings: SurfaceSettings) -> Varia
         The points, weighed by kind alone; empty if there are none.
 
     Source:
-        Active Neural Mapping, Sec. 4.2 (zero-crossings); the rim is ours.
+        Active Neural Mapping, Sec. 4.2 (zero-crossings); what is left out, and the rim, are ours.
     """
     if len(neural_map.cloud) == 0:
         return VariableSurface(np.empty((0, 3), np.float32), np.zeros(0, np.float32))
@@ -75,7 +82,7 @@ def worthwhile_points(neural_map: NeuralMap, settings: SurfaceSettings) -> Varia
     surface = _predicted_surface(neural_map, lattice, states, settings)
     rim = np.empty((0, 3), np.float32)
     if settings.frontier_share > 0.0:
-        rim = _points_of(lattice, (states == UNKNOWN) & ndimage.binary_dilation(states == FREE))
+        rim = lattice.points_in((states == UNKNOWN) & ndimage.binary_dilation(states == FREE))
         rim = rim[~neural_map.cloud.is_near(rim, settings.frontier_gap_m)]
     shares = np.repeat([1.0, settings.frontier_share], [len(surface), len(rim)])
     return VariableSurface(np.concatenate([surface, rim]), shares.astype(np.float32))
@@ -87,13 +94,11 @@ def _predicted_surface(
     """(V, 3) zero-crossings that unknown space joins to free space."""
     reach = round(settings.margin_m / lattice.spacing_m[0])
     passable = states != OCCUPIED if settings.only_unseen else None
-    nearby = ndimage.binary_dilation(states == FREE, iterations=reach, mask=passable)
-    interior = ndimage.binary_erosion(states == FREE)
-    values = np.ones(lattice.shape, np.float32)
-    # Cubes at the rim of `nearby` are looked at too, so their corners beyond it must be asked as well.
-    asked = ndimage.binary_dilation(nearby, np.ones((3, 3, 3))) & ~interior
-    values[asked] = neural_map.sdf(_points_of(lattice, asked))
-    vertices = zero_crossings_of(values, lattice, nearby).vertices
+    nearby = states == FREE
+    if reach > 0:  # no iterations would mean any number of them
+        nearby = ndimage.binary_dilation(nearby, iterations=reach, mask=passable)
+    asked = nearby & ~ndimage.binary_erosion(states == FREE)
+    vertices = zero_crossings_within(neural_map.sdf, lattice, asked).vertices
     if settings.only_unseen and len(vertices):
         vertices = vertices[neural_map.volume.state_at(vertices) == UNKNOWN]
         vertices = vertices[~neural_map.cloud.is_near(vertices, settings.seen_m)]
@@ -116,20 +121,6 @@ def _blocks(
     voxels = volume.window(low * edge, high * edge)
     states = voxels.reshape(x, edge, y, edge, z, edge).max(axis=(1, 3, 5))
     return Lattice((low + 0.5) * spacing_m, np.full(3, spacing_m), (x, y, z)), states
-
-
-def _axes(lattice: Lattice) -> list[NDArray[np.float32]]:
-    """Coordinates of the lattice's points along each axis, metres."""
-    return [
-        (low + spacing_m * np.arange(count)).astype(np.float32)
-        for low, spacing_m, count in zip(lattice.low, lattice.spacing_m, lattice.shape, strict=True)
-    ]
-
-
-def _points_of(lattice: Lattice, mask: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Those points of a lattice, (N, 3), that are in a mask (X, Y, Z)."""
-    indices = np.nonzero(mask)
-    return np.stack([axis[index] for axis, index in zip(_axes(lattice), indices, strict=True)], axis=1)
 
 
 def weigh_by_variability(

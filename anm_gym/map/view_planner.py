@@ -44,7 +44,8 @@ class PlannerSettings:
     unseen: UnseenSettings = field(default_factory=lambda: UnseenSettings(decay_m=3.0))
     """Which rays look for unseen space; their headings are those of `views`."""
     unseen_worth: float = 16.0
-    """Worth of a cubic metre of unseen space in view, in points of surface."""
+    """Worth of a cubic metre of unseen space in view, in points of surface; 0 counts surface alone. It holds
+    for the density of points that blocks of 20 cm give."""
     reach: ReachSettings = field(default_factory=ReachSettings)
     """What counts as passable."""
     keep_share: float = 0.8
@@ -95,11 +96,11 @@ class ViewPlanner:
             excluded_xz: (N, 2) places that failed.
 
         Returns:
-            The view, or None if nothing variable can be seen from any reachable place.
+            The view, or None if no view from a reachable place is expected to show anything.
         """
         space = reachable_space(neural_map.occupancy, position_xz, self.settings.reach)
         surface = self.variable_surface(neural_map, position_xz, heading_rad, rng)
-        if space is None or len(surface.points) == 0:
+        if space is None:
             return None
         camera_y_m = neural_map.occupancy.floor_y_m + neural_map.camera.sensor_height_m
         positions, distances, own = self._candidates(space, surface, position_xz, current, excluded_xz)

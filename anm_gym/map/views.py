@@ -51,7 +51,7 @@ class View:
     heading_rad: float
     """Where to look, radians."""
     gain: float
-    """Expected variable surface in view; the unit is that of the points' weights."""
+    """What is expected to be newly in view; the unit is that of the points' weights."""
     cost_steps: float
     """Steps to get there and to turn, with the fixed cost."""
 
@@ -142,8 +142,9 @@ def gains_by_heading(
     horizontal = np.hypot(offsets[..., 0], offsets[..., 2])
     worth = weights * visibility * (np.abs(offsets[..., 1]) < half_vertical * horizontal)
     flat = np.arange(len(places))[:, None] * settings.num_headings + index
-    histogram = np.bincount(flat.ravel(), worth.ravel(), minlength=len(places) * settings.num_headings)
-    histogram = histogram.reshape(len(places), settings.num_headings)
+    size = len(places) * settings.num_headings
+    sums = np.bincount(flat.ravel(), worth.ravel(), minlength=size).astype(np.float64)  # whole if empty
+    histogram = sums.reshape(len(places), settings.num_headings)
     half_sectors = max(0, int(np.deg2rad(camera.hfov_deg) / 2.0 / sector - 0.5 + 1e-9))
     shifts = range(-half_sectors, half_sectors + 1)
     return np.asarray(sum(np.roll(histogram, shift, axis=1) for shift in shifts))

@@ -16,7 +16,7 @@ RAYS_AT_ONCE = 1 << 14
 
 
 class ObservedVolume:
-    """Voxels marked free by passing rays and occupied by hits; a hit is never erased.
+    """Voxels marked empty or free by passing rays and occupied by hits; a hit is never erased.
 
     Args:
         camera: The camera of every frame.

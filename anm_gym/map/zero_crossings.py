@@ -35,10 +35,21 @@ class Lattice:
         return cls(bounds[0].copy(), extent / (resolution - 1), (resolution, resolution, resolution))
 
     @property
+    def axes(self) -> list[NDArray[np.float64]]:
+        """Coordinates of the points along each axis, metres."""
+        return [self.low[i] + self.spacing_m[i] * np.arange(self.shape[i]) for i in range(3)]
+
+    @property
     def points(self) -> NDArray[np.float32]:
         """(N, 3) float32 grid points, last axis fastest."""
-        axes = [self.low[i] + self.spacing_m[i] * np.arange(self.shape[i]) for i in range(3)]
-        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3).astype(np.float32)
+        return np.stack(np.meshgrid(*self.axes, indexing="ij"), axis=-1).reshape(-1, 3).astype(np.float32)
+
+    def points_in(self, mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+        """(N, 3) float32 grid points in an (X, Y, Z) mask, last axis fastest."""
+        indices = np.nonzero(mask)
+        return np.stack([axis[index] for axis, index in zip(self.axes, indices, strict=True)], axis=1).astype(
+            np.float32
+        )
 
 
 @dataclass(frozen=True)
@@ -84,12 +95,31 @@ def extract_zero_crossings(
     return zero_crossings_of(values, lattice, mask)
 
 
+def zero_crossings_within(sdf: SignedDistance, lattice: Lattice, asked: NDArray[np.bool_]) -> ZeroCrossings:
+    """Extract a zero level set where it matters, asking for the distance nowhere else.
+
+    Args:
+        sdf: The signed distance.
+        lattice: Where to look.
+        asked: (X, Y, Z) lattice points at which it is asked; only cubes whose corners all were count.
+
+    Returns:
+        The zero-crossings; empty if there are none.
+    """
+    values = np.ones(lattice.shape, np.float32)
+    if asked.any():
+        values[asked] = sdf(lattice.points_in(asked))
+    whole = asked.copy()
+    for axis in range(3):  # marching cubes takes a cube where the mask holds at its highest corner
+        whole &= np.roll(whole, 1, axis)
+    return zero_crossings_of(values, lattice, whole)
+
+
 def zero_crossings_of(
     values: NDArray[np.float32], lattice: Lattice, mask: NDArray[np.bool_] | None = None
 ) -> ZeroCrossings:
     """Run marching cubes on (X, Y, Z) distances that are at hand; see `extract_zero_crossings`."""
-    considered = values if mask is None else values[mask]
-    if considered.size == 0 or not considered.min() < 0.0 < considered.max():
+    if values.size == 0 or not values.min() < 0.0 < values.max():
         return EMPTY
     spacing = (float(lattice.spacing_m[0]), float(lattice.spacing_m[1]), float(lattice.spacing_m[2]))
     try:

@@ -124,6 +124,19 @@ class GreedyCoverage:
         self._nearest.observe(depth_view(depth_m, camera, world_from_camera))
         self._num_frames += 1
 
+    def newly_covered(self, positions: NDArray[np.integer]) -> NDArray[np.int64]:
+        """Count what views would add to what the frames so far covered.
+
+        Args:
+            positions: (P,) rows of the view table.
+
+        Returns:
+            (P, K) samples that the pose at each of the table's headings would newly cover.
+        """
+        missing = pack(~self._nearest.covered)
+        newly = np.bitwise_count(self._table.bits[positions] & missing)
+        return np.asarray(newly.sum(axis=-1, dtype=np.int64))
+
     def give_up(self, goal: GoalPose, radius_m: float = 0.0) -> None:
         """Never propose a pose again: it was reached, or it cannot be.
 

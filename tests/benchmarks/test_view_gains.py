@@ -35,7 +35,7 @@ def test_quick_run_rates_every_gain_and_the_planner_beats_a_coin(tmp_path, capsy
 
 def test_table_holds_means():
     rows = [{"gain": "a", "rank_correlation": value, "efficiency": value} for value in (0.2, 0.4)]
-    assert format_table(rows).splitlines()[-1].split() == ["a", "2", "0.300", "0.300", "±", "0.071"]
+    assert format_table(rows).splitlines()[-1].split() == ["a", "2", "0.300", "0.300", "±", "0.100"]
 
 
 def test_too_few_steps_are_refused():

@@ -4,7 +4,7 @@ from numpy.typing import NDArray
 
 from anm_gym.geometry import CameraSpec
 from anm_gym.map.unseen_volume import UnseenSettings, unseen_by_cell, unseen_volume
-from anm_gym.map.volume import FREE, OCCUPIED, UNKNOWN, ObservedVolume
+from anm_gym.map.volume import EMPTY, FREE, OCCUPIED, UNKNOWN, ObservedVolume
 
 CAMERA = CameraSpec(width_px=64, height_px=64)
 CENTER = np.array([[0.0, 1.25, 0.0]])
@@ -44,6 +44,16 @@ def test_view_gains_where_it_looks_into_the_unknown() -> None:
     assert seen[0] == pytest.approx(WHOLE_CONE_M3, rel=0.02)
     assert seen[18] == 0.0
     assert seen[9] == pytest.approx(0.5 * WHOLE_CONE_M3, rel=0.15)
+
+
+def test_space_in_which_rays_met_nothing_does_not_raise_the_top() -> None:
+    states = filled(UNKNOWN)
+    states[:, :17] = FREE  # to 1.5 m above the floor
+    under_a_ceiling = gains(log_of(states))
+    states[:, 17:, :20] = EMPTY
+    assert gains(log_of(states)) == pytest.approx(under_a_ceiling)
+    states[:, 17:, :20] = FREE
+    assert gains(log_of(states)).max() > under_a_ceiling.max() + 0.1
 
 
 def test_wall_hides_what_is_behind_it() -> None:

@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from anm_gym.geometry import CameraSpec, camera_pose
 from anm_gym.map.neural_map import NeuralMap
@@ -24,7 +25,7 @@ def test_what_is_predicted_behind_walls_that_were_seen_is_left_out(left_room: Ne
         x, _, z = worthwhile_points(left_room, settings).points.T
         return float(((x < -4.2) | ((np.abs(z) > 2.2) & (x < -1.0))).mean())
 
-    assert share_behind_walls(SurfaceSettings()) < 0.02
+    assert share_behind_walls(SurfaceSettings()) == 0.0
     assert share_behind_walls(SurfaceSettings(only_unseen=False)) > 0.05
 
 
@@ -37,6 +38,19 @@ def test_space_in_which_rays_met_nothing_has_no_rim() -> None:
     rim = found.points[found.weights == 0.5]
     assert len(rim) > 10
     assert rim[:, 0].min() > -0.3
+    # What is imagined is followed 1 m, but not from empty space.
+    assert found.points[:, 0].min() > -1.3
+
+
+@pytest.mark.parametrize("wrong", [{"block_voxels": 0}, {"margin_m": -0.1}])
+def test_settings_that_mean_nothing_are_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match="`block_voxels` must be >= 1 and `margin_m` >= 0"):
+        SurfaceSettings(**wrong)  # type: ignore[arg-type]
+
+
+def test_without_a_margin_nothing_beyond_free_space_is_predicted(left_room: NeuralMap) -> None:
+    settings = SurfaceSettings(margin_m=0.0, frontier_share=0.0)
+    assert len(worthwhile_points(left_room, settings).points) < 50
 
 
 def test_all_surface_counts_when_variability_alone_is_trusted(left_room: NeuralMap) -> None:

@@ -1,12 +1,12 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from anm_gym.map.neural_map import NeuralMap
-from anm_gym.map.variable_surface import SurfaceSettings
+from anm_gym.map.variable_surface import SurfaceSettings, VariableSurface
 from anm_gym.map.view_planner import PlannerSettings, ViewPlanner
-from anm_gym.map.views import View
-from anm_gym.map.volume import UNKNOWN
+from anm_gym.map.views import ViewSettings
 
 START = np.array([-3.0, 0.0])
 """Where `left_room` was seen from."""
@@ -32,16 +32,27 @@ def test_view_under_way_is_kept_unless_another_is_clearly_better(
 
 
 def test_unseen_space_is_worth_a_view_too(left_room: NeuralMap) -> None:
-    def view(unseen_worth: float) -> View:
-        planner = ViewPlanner(PlannerSettings(unseen_worth=unseen_worth))
-        found = planner.plan(left_room, START, 0.0, np.random.default_rng(0))
-        assert found is not None
-        return found
+    nothing = VariableSurface(np.empty((0, 3), np.float32), np.zeros(0, np.float32))
+    in_the_door = np.array([[-0.2, 1.25, 0.0]])
+    gains = ViewPlanner().expected_gains(left_room, nothing, in_the_door)[0]
+    assert gains[27] > 2.0 * gains[9]  # to the other room at -90 degrees, and back
+    surface_alone = ViewPlanner(PlannerSettings(unseen_worth=0.0))
+    assert not surface_alone.expected_gains(left_room, nothing, in_the_door).any()
 
-    through_the_door = view(1e6)
-    assert through_the_door.gain > 1e6 > view(0.0).gain
-    assert -np.sin(through_the_door.heading_rad) > 0.5
-    assert left_room.volume.state_at(np.array([2.0, 1.25, 1.5])) == UNKNOWN
+
+def test_unseen_space_is_looked_for_where_no_surface_is_predicted(
+    left_room: NeuralMap, rng: np.random.Generator
+) -> None:
+    nothing_believed = SurfaceSettings(doubt_visibility=-1.0, doubt_m=100.0)
+    assert ViewPlanner(PlannerSettings(surface=nothing_believed)).plan(left_room, START, TO_THE_DOOR_RAD, rng)
+
+
+def test_sampled_points_stand_for_all_of_them(left_room: NeuralMap, rng: np.random.Generator) -> None:
+    def total_weight(max_points: int) -> float:
+        planner = ViewPlanner(PlannerSettings(views=ViewSettings(max_points=max_points)))
+        return float(planner.variable_surface(left_room, START, TO_THE_DOOR_RAD, rng).weights.sum())
+
+    assert total_weight(200) == pytest.approx(total_weight(100_000), rel=0.1)
 
 
 def test_failed_places_are_left_out(left_room: NeuralMap, rng: np.random.Generator) -> None:
@@ -61,7 +72,10 @@ def test_agent_outside_the_known_floor_has_no_view(left_room: NeuralMap, rng: np
 def test_surface_that_should_be_in_the_image_is_not_looked_for_again(
     left_room: NeuralMap, rng: np.random.Generator
 ) -> None:
-    planner = ViewPlanner(PlannerSettings(surface=SurfaceSettings(doubt_visibility=-1.0, doubt_m=100.0)))
-    assert planner.plan(left_room, START, TO_THE_DOOR_RAD, rng) is None
-    trusting = ViewPlanner(PlannerSettings(surface=SurfaceSettings(doubt_visibility=2.0)))
+    def planner(settings: SurfaceSettings) -> ViewPlanner:
+        return ViewPlanner(PlannerSettings(surface=settings, unseen_worth=0.0))
+
+    doubting = planner(SurfaceSettings(doubt_visibility=-1.0, doubt_m=100.0))
+    assert doubting.plan(left_room, START, TO_THE_DOOR_RAD, rng) is None
+    trusting = planner(SurfaceSettings(doubt_visibility=2.0))
     assert trusting.plan(left_room, START, TO_THE_DOOR_RAD, rng) is not None

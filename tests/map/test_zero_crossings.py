@@ -1,7 +1,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from anm_gym.map.zero_crossings import EMPTY, Lattice, ZeroCrossings, extract_zero_crossings
+from anm_gym.map.zero_crossings import (
+    EMPTY,
+    Lattice,
+    ZeroCrossings,
+    extract_zero_crossings,
+    zero_crossings_within,
+)
 
 BOUNDS = np.array([[-1.5, -1.5, -1.5], [1.5, 1.5, 1.5]])
 
@@ -38,6 +44,25 @@ def test_mask_limits_the_surface() -> None:
     right = lattice.points[:, 0].reshape(lattice.shape) > 0.0
     surface = extract_zero_crossings(outside_ball, lattice, right)
     assert surface.vertices[:, 0].min() > -0.11
+
+
+def test_surface_within_a_mask_is_the_whole_one_where_it_was_asked() -> None:
+    lattice = Lattice.with_resolution(BOUNDS, 30)
+    everywhere = zero_crossings_within(outside_ball, lattice, np.ones(lattice.shape, bool))
+    np.testing.assert_array_equal(everywhere.vertices, extract_zero_crossings(outside_ball, lattice).vertices)
+    for sign in (1.0, -1.0):
+        asked = sign * lattice.points[:, 0].reshape(lattice.shape) >= 0.0
+        half = zero_crossings_within(outside_ball, lattice, asked)
+        assert (sign * half.vertices[:, 0]).min() >= 0.0
+        assert 0.4 < len(half) / len(everywhere) <= 0.5
+        assert np.abs(outside_ball(half.vertices)).max() < 0.01
+    assert len(zero_crossings_within(outside_ball, lattice, np.zeros(lattice.shape, bool))) == 0
+
+
+def test_points_in_a_mask_are_those_of_the_lattice() -> None:
+    lattice = Lattice.with_resolution(BOUNDS, 5)
+    mask = lattice.points.sum(axis=1).reshape(lattice.shape) > 0.5
+    np.testing.assert_array_equal(lattice.points_in(mask), lattice.points[mask.ravel()])
 
 
 def test_lattice_spans_its_bounds() -> None:

@@ -25,13 +25,13 @@ from anm_gym.map.neural_map import NeuralMap
 from anm_gym.map.numerics import flushed_subnormals
 from anm_gym.map.sampling import RayBatch, sample_rays
 from anm_gym.map.volume import UNKNOWN
-from anm_gym.map.zero_crossings import Lattice, SignedDistance, ZeroCrossings, zero_crossings_of
+from anm_gym.map.zero_crossings import Lattice, SignedDistance, ZeroCrossings, zero_crossings_within
 from anm_gym.scenes.scene import Scene
 from train.runner import Recorder
 
 CHUNK_POINTS: Final = 16384
 REACH_M: Final = 1.0
-"""How far into unseen space predicted surface is followed, metres, as the view planner does."""
+"""How far into unseen space predicted surface is followed, metres, as far as the view planner does."""
 BELOW_M: Final = 0.4
 """How far under the floor and over the ceiling it is followed, metres."""
 
@@ -166,26 +166,6 @@ def predict(field: Callable[[Tensor], Tensor], points: Tensor) -> Tensor:
         return torch.cat([field(chunk).float() for chunk in points.split(CHUNK_POINTS)])
 
 
-def masked_surface(sdf: SignedDistance, lattice: Lattice, asked: NDArray[np.bool_]) -> ZeroCrossings:
-    """Extract a zero level set where it matters, asking for the distance nowhere else.
-
-    Args:
-        sdf: The signed distance.
-        lattice: Where to look.
-        asked: (X, Y, Z) lattice points at which it is asked; only cells whose corners all were count.
-
-    Returns:
-        The zero-crossings; empty if there are none.
-    """
-    values = np.ones(lattice.shape, np.float32)
-    if asked.any():
-        values[asked] = sdf(lattice.points[asked.ravel()])
-    whole = asked.copy()
-    for axis in range(3):  # marching cubes takes a cell where the mask holds at its highest corner
-        whole &= np.roll(whole, 1, axis)
-    return zero_crossings_of(values, lattice, whole)
-
-
 def surface_around_observed(
     neural_map: NeuralMap, voxel_m: float, sdf: SignedDistance | None = None, reach_m: float = REACH_M
 ) -> ZeroCrossings:
@@ -205,7 +185,7 @@ def surface_around_observed(
     lattice = Lattice.with_spacing(bounds, voxel_m)
     is_seen = (neural_map.volume.state_at(lattice.points) != UNKNOWN).reshape(lattice.shape)
     nearby = ndimage.binary_dilation(is_seen, iterations=round(reach_m / voxel_m))
-    return masked_surface(sdf or neural_map.sdf, lattice, nearby)
+    return zero_crossings_within(sdf or neural_map.sdf, lattice, nearby)
 
 
 def draw_rays(frames: FrameStore, index: int, rays: int, seed: int) -> RayBatch:

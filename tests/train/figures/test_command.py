@@ -13,7 +13,6 @@ from anm_gym.map.neural_map import NeuralMap
 from anm_gym.map.settings import FieldSettings, LossSettings, MapSettings, SamplingSettings, ScheduleSettings
 from anm_gym.map.targets import TargetSettings
 from anm_gym.map.volume import FREE, OCCUPIED
-from anm_gym.map.zero_crossings import Lattice, extract_zero_crossings
 from train.episodes import make_env
 from train.figures.__main__ import FIGURES, Request, draw_figures, main, plain, play
 from train.figures.compute import Compute
@@ -31,7 +30,6 @@ from train.figures.map_probe import (
     draw_rays,
     frozen,
     join_rays,
-    masked_surface,
     predict,
     ray_loss,
     still_copy,
@@ -253,21 +251,6 @@ def test_view_sees_each_point_at_its_own_pixel(box_room):
 def test_view_without_width_is_refused():
     with pytest.raises(ValueError, match="`width_px` must be >= 1, got 0"):
         OpenView(np.zeros((2, 3)), width_px=0)
-
-
-def test_masked_surface_is_the_whole_one_where_it_was_asked():
-    def sdf(points):
-        return np.linalg.norm(points, axis=1).astype(np.float32) - 1.0
-
-    lattice = Lattice.with_spacing(np.array([[-1.5] * 3, [1.5] * 3]), 0.25)
-    whole = extract_zero_crossings(sdf, lattice)
-    everywhere = masked_surface(sdf, lattice, np.ones(lattice.shape, bool))
-    np.testing.assert_array_equal(everywhere.vertices, whole.vertices)
-    asked = lattice.points[:, 0].reshape(lattice.shape) >= 0.0
-    half = masked_surface(sdf, lattice, asked)
-    assert half.vertices[:, 0].min() >= 0.0
-    assert np.abs(sdf(half.vertices)).max() < 0.05
-    assert len(masked_surface(sdf, lattice, np.zeros(lattice.shape, bool))) == 0
 
 
 def test_right_prediction_costs_nothing_and_a_wrong_one_does(seen_wall):
