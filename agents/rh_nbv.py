@@ -13,6 +13,7 @@ from agents.view_tree import Look, LookSettings, ViewTree, best_looks, grow_view
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.map.reach import ReachableSpace, ReachSettings, reachable_space
 from anm_gym.map.unseen_volume import UnseenSettings
+from anm_gym.map.views import TakenViews
 from anm_gym.sim.grid_planning import RrtSettings
 from anm_gym.wrappers.goal import Goal, GoalLimits, GoalWrapper
 
@@ -106,7 +107,7 @@ class RhNbvGoalWrapper(GoalWrapper):
 
     def _begin_episode(self) -> None:
         self._views = UnseenViews(self, self.settings.unseen)
-        self._taken: list[tuple[float, float, float]] = []
+        self._taken = TakenViews(self.limits.arrival_m, np.deg2rad(self.limits.arrival_deg))
         self._branch: list[NDArray[np.float64]] = []
         self._looks: list[tuple[NDArray[np.float64], float]] = []
         self._promised_m3 = 0.0
@@ -114,7 +115,7 @@ class RhNbvGoalWrapper(GoalWrapper):
     def _see(self, observation: Observation) -> None:
         with self.stopwatch("goal"):
             self._views.add(observation)
-            self._taken.append((*self.position_xz, self.heading_rad))
+            self._taken.add(self.position_xz, self.heading_rad)
 
     def _propose_goal(self) -> Goal | None:
         space = reachable_space(self.occupancy, self.position_xz, self.settings.reach)
@@ -147,19 +148,11 @@ class RhNbvGoalWrapper(GoalWrapper):
         while True:
             tree = grow_view_tree(space, self.position_xz, old_branch, growth, self.rng)
             unseen = self._views.by_cell(tree.positions_xz)
-            unseen.share[self._were_taken(tree.positions_xz, unseen.share.shape[1])] = 0.0
+            unseen.share[self._taken.among(tree.positions_xz, unseen.share.shape[1])] = 0.0
             looks = best_looks(tree, unseen, self.heading_rad, worth, self.rng)
             if looks or growth.iterations >= self.settings.max_iterations:
                 return tree, looks
             growth = replace(growth, iterations=2 * growth.iterations)
-
-    def _were_taken(self, positions_xz: NDArray[np.float64], num_headings: int) -> NDArray[np.bool_]:
-        """(P, H) looks that the agent has taken: what they hide is too far or too small, now as then."""
-        taken = np.array(self._taken)
-        near = np.linalg.norm(positions_xz[:, None] - taken[None, :, :2], axis=2) <= self.limits.arrival_m
-        headings = 2.0 * np.pi * np.arange(num_headings) / num_headings
-        away = np.abs((headings - taken[:, 2:] + np.pi) % (2.0 * np.pi) - np.pi)
-        return np.asarray(near @ (away <= np.deg2rad(self.limits.arrival_deg)))
 
     def _shown_m3(self) -> float:
         """What the looks ahead would show now, cubic metres."""

@@ -23,6 +23,7 @@ from anm_gym.map.variable_surface import (
     worthwhile_points,
 )
 from anm_gym.map.views import (
+    TakenViews,
     View,
     ViewSettings,
     expected_visibility,
@@ -54,6 +55,11 @@ class PlannerSettings:
     """Spacing of the candidate places, metres."""
     failure_radius_m: float = 0.4
     """Places this close to one that failed are left out, metres."""
+    taken_radius_m: float = 0.3
+    """Views from this close to where one was taken show nothing new, metres; no less than what counts as
+    arrival, or else a view that shows nothing may be reached and chosen again without a step."""
+    taken_angle_deg: float = 10.0
+    """How far the directions of such views may differ, degrees."""
 
     def for_steps(self, forward_step_m: float, turn_step_rad: float) -> "PlannerSettings":
         """The same for an agent with other steps."""
@@ -64,8 +70,8 @@ class PlannerSettings:
 class ViewPlanner:
     """Choose where to go and where to look, within one episode.
 
-    Surface that should be in the image but is not seen there was imagined; the planner remembers it,
-    so as not to look for it again.
+    Surface that should be in the image but is not seen there was imagined; the planner remembers it, and the
+    views that were taken, so as not to look for the same again.
 
     Args:
         settings: What to look at, from where, at which cost.
@@ -74,6 +80,11 @@ class ViewPlanner:
     def __init__(self, settings: PlannerSettings | None = None) -> None:
         self.settings = settings or PlannerSettings()
         self._doubted = SurfaceCloud(voxel_m=0.1)
+        self.taken = TakenViews(self.settings.taken_radius_m, np.deg2rad(self.settings.taken_angle_deg))
+
+    def note_view(self, position_xz: NDArray[np.float64], heading_rad: float) -> None:
+        """Take note of where the agent is, (2,) metres, and where it looks, radians; for every frame."""
+        self.taken.add(position_xz, heading_rad)
 
     def plan(
         self,
@@ -103,10 +114,10 @@ class ViewPlanner:
         if space is None:
             return None
         camera_y_m = neural_map.occupancy.floor_y_m + neural_map.camera.sensor_height_m
-        positions, distances, own = self._candidates(space, surface, position_xz, current, excluded_xz)
+        positions, distances = self._candidates(space, surface, position_xz, current, excluded_xz)
         centers = np.insert(positions, 1, camera_y_m, axis=1)
         gains = self.expected_gains(neural_map, surface, centers)
-        gains[own, self._sectors_near(heading_rad)] = 0.0
+        gains[self.taken.among(positions, gains.shape[1])] = 0.0
         costs = view_costs(positions, distances, position_xz, heading_rad, self.settings.views)
         best, utilities = rank_views(positions, gains, costs, self.settings.views)
         if best.gain <= 0.0:
@@ -186,8 +197,8 @@ class ViewPlanner:
         position_xz: NDArray[np.float64],
         current: View | None,
         excluded_xz: NDArray[np.float64] | None,
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
-        """Places that promise most if nothing stood in the way, their path costs, and the agent's own index.
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Places that promise most if nothing stood in the way, and their path costs.
 
         The place of the view under way comes first, the agent's own after it.
         """
@@ -209,7 +220,6 @@ class ViewPlanner:
         return (
             np.concatenate([np.array([*first, position_xz]), positions[best]]),
             np.concatenate([np.array([*first_cost, 0.0]), distances[best]]),
-            len(first),
         )
 
     def _promise(self, positions: NDArray[np.float64], surface: VariableSurface) -> NDArray[np.float64]:
@@ -217,12 +227,6 @@ class ViewPlanner:
         offsets = surface.points[None][..., [0, 2]] - positions[:, None].astype(np.float32)
         near = (offsets**2).sum(axis=2) < self.settings.views.max_range_m**2
         return np.asarray(near @ surface.weights, np.float64)
-
-    def _sectors_near(self, heading_rad: float) -> list[int]:
-        """Headings that show what the agent sees already."""
-        count = self.settings.views.num_headings
-        middle = round(heading_rad * count / (2.0 * np.pi))
-        return [(middle + turn) % count for turn in (-1, 0, 1)]
 
     def _still_serves(self, current: View, utilities: NDArray[np.float64], best: View) -> bool:
         """The view under way, which is the first candidate, is nearly as good as the best."""

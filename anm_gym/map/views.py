@@ -61,6 +61,33 @@ class View:
         return self.gain / max(self.cost_steps, 1e-9)
 
 
+class TakenViews:
+    """The views that an agent has had: what they should have shown and did not, they hide for good (ours).
+
+    Without it, space that no ray ever enters, such as the inside of a cupboard, is looked at again and again.
+
+    Args:
+        radius_m: A view counts as taken when one was had this near, metres,
+        angle_rad: and in a direction that differs by no more than this, radians.
+    """
+
+    def __init__(self, radius_m: float, angle_rad: float) -> None:
+        self.radius_m, self.angle_rad = radius_m, angle_rad
+        self._poses: list[tuple[float, float, float]] = []
+
+    def add(self, position_xz: NDArray[np.float64], heading_rad: float) -> None:
+        """Take note of a view from a (2,) floor point, metres, in a direction, radians."""
+        self._poses.append((float(position_xz[0]), float(position_xz[1]), heading_rad))
+
+    def among(self, positions_xz: NDArray[np.float64], num_headings: int) -> NDArray[np.bool_]:
+        """Tell which views from (P, 2) places were taken, (P, H); heading h is ``2 pi h / H`` radians."""
+        poses = np.array(self._poses).reshape(-1, 3)
+        near = np.linalg.norm(positions_xz[:, None] - poses[None, :, :2], axis=2) <= self.radius_m
+        headings = 2.0 * np.pi * np.arange(num_headings) / num_headings
+        is_towards = np.abs(_wrap(headings - poses[:, 2:])) <= self.angle_rad
+        return np.asarray(near @ is_towards)
+
+
 def expected_visibility(
     places: NDArray[np.float64], points: NDArray[np.float32], volume: ObservedVolume, settings: ViewSettings
 ) -> NDArray[np.float32]:

@@ -90,6 +90,9 @@ class VariabilityGoalWrapper(GoalWrapper):
         self._proposed: tuple[int, list[TargetView]] | None = None
         self._planner = ViewPlanner(self.planning.for_steps(*self.step_sizes))
 
+    def _see(self, observation: Observation) -> None:  # noqa: ARG002
+        self._planner.note_view(self.position_xz, self.heading_rad)
+
     def _propose_goal(self) -> Goal | None:
         return self._cluster_goal() if self.targets else self._view_goal(None)
 

@@ -55,6 +55,17 @@ def test_sampled_points_stand_for_all_of_them(left_room: NeuralMap, rng: np.rand
     assert total_weight(200) == pytest.approx(total_weight(100_000), rel=0.1)
 
 
+def test_views_that_were_taken_are_not_planned_again(left_room: NeuralMap, rng: np.random.Generator) -> None:
+    planner = ViewPlanner()
+    for _ in range(5):
+        view = planner.plan(left_room, START, 0.0, rng)
+        assert view is not None
+        assert not planner.taken.among(view.position_xz[None], 36)[
+            0, round(view.heading_rad * 18 / np.pi) % 36
+        ]
+        planner.note_view(view.position_xz, view.heading_rad)
+
+
 def test_failed_places_are_left_out(left_room: NeuralMap, rng: np.random.Generator) -> None:
     planner = ViewPlanner(replace(PlannerSettings(), failure_radius_m=1.0))
     view = planner.plan(left_room, START, 0.0, rng)

@@ -5,6 +5,7 @@ import pytest
 
 from anm_gym.geometry import CameraSpec
 from anm_gym.map.views import (
+    TakenViews,
     ViewSettings,
     expected_visibility,
     gains_by_heading,
@@ -117,3 +118,11 @@ def test_costs_are_in_the_steps_of_the_agent() -> None:
     costs = view_costs(positions, distances_m, np.zeros(2), 0.0, own)
     assert costs[0, 0] == pytest.approx(4.0)
     assert costs[0, SETTINGS.num_headings // 2] == pytest.approx(4.0 + 6.0)
+
+
+def test_views_near_one_that_was_taken_are_taken_too() -> None:
+    taken = TakenViews(radius_m=0.3, angle_rad=np.deg2rad(10.0))
+    places = np.array([[0.0, 0.0], [0.29, 0.0], [0.0, -0.31]])
+    assert not taken.among(places, 36).any()
+    taken.add(np.array([0.0, 0.0]), np.deg2rad(-179.0))
+    assert [np.flatnonzero(row).tolist() for row in taken.among(places, 36)] == [[18, 19], [18, 19], []]

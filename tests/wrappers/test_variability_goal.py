@@ -40,6 +40,14 @@ def test_views_are_planned_in_the_steps_of_the_environment() -> None:
     assert (views.forward_step_m, views.turn_step_rad) == (0.25, pytest.approx(np.pi / 6.0))
 
 
+def test_planner_takes_note_of_every_view() -> None:
+    env = VariabilityGoalWrapper(mapped(), preset="best")
+    env.reset(seed=0)
+    turn_round(env, 2)
+    here = env._planner.taken.among(env.position_xz[None], 36)[0]
+    assert 4 <= here.sum() <= 5
+
+
 def test_paper_goal_is_a_cluster_of_variable_surface() -> None:
     env = VariabilityGoalWrapper(mapped(), preset="paper", targets=replace(PAPER_TARGETS, resolution=24))
     env.reset(seed=0)
