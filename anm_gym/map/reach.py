@@ -19,6 +19,10 @@ class ReachSettings:
 
     radius_m: float = 0.15
     """Clearance that a path keeps from known obstacles, metres: the body and half a cell's diagonal."""
+    tight_radius_m: float = 0.1
+    """Clearance that will do where the agent would be caught otherwise, metres: the body alone."""
+    pocket_m2: float = 0.5
+    """An agent that reaches less floor than this may be caught, square metres."""
     comfort_m: float = 0.35
     """Clearance under which a path costs more, metres."""
     tightness_cost: float = 3.0
@@ -41,6 +45,11 @@ class ReachableSpace:
         """(rows, columns): there is a path."""
         return np.isfinite(self.cost_m)
 
+    @property
+    def area_m2(self) -> float:
+        """Floor that can be reached, square metres."""
+        return float(self.reachable.sum()) * self.frame.cell_m**2
+
     def cost_to(self, position_xz: ArrayLike, tolerance_m: float = 0.0) -> float:
         """Cost of the way to a floor point or to the reachable cell nearest to it.
 
@@ -61,6 +70,9 @@ def reachable_space(
 ) -> ReachableSpace | None:
     """Search the known floor from the agent's position.
 
+    An agent that starts in a corner among furniture may stand where the usual clearance leads nowhere; then
+    the clearance of its body will do.
+
     Args:
         occupancy: What is known of the floor.
         position_xz: (2,) where the agent stands, metres.
@@ -70,8 +82,20 @@ def reachable_space(
         The reachable space, or None if nothing near the agent is passable.
     """
     settings = settings or ReachSettings()
+    space = _searched(occupancy, position_xz, settings, settings.radius_m)
+    if space is None or space.area_m2 < settings.pocket_m2:
+        squeezed = _searched(occupancy, position_xz, settings, settings.tight_radius_m)
+        if squeezed is not None and squeezed.area_m2 >= settings.pocket_m2:
+            return squeezed
+    return space
+
+
+def _searched(
+    occupancy: OccupancyGrid, position_xz: ArrayLike, settings: ReachSettings, radius_m: float
+) -> ReachableSpace | None:
+    """Search what is passable with a clearance."""
     frame = occupancy.frame
-    passable = occupancy.traversable(settings.radius_m, through_unknown=settings.through_unknown)
+    passable = occupancy.traversable(radius_m, through_unknown=settings.through_unknown)
     start = nearest_free_cell(passable, frame.cells_of(position_xz)[0], int(ESCAPE_M / frame.cell_m))
     if start is None:
         return None

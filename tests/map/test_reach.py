@@ -50,3 +50,20 @@ def test_unknown_floor_is_passable_on_request(seen: OccupancyGrid) -> None:
 
 def test_agent_that_is_walled_in_reaches_nothing(seen: OccupancyGrid) -> None:
     assert reachable_space(seen, (30.0, 30.0)) is None
+
+
+def test_agent_that_would_be_caught_squeezes_through(seen: OccupancyGrid) -> None:
+    roomy = reachable_space(seen, (-2.0, 0.0))
+    caught = ReachSettings(radius_m=0.55, pocket_m2=0.0)  # wider than half the door
+    assert roomy is not None
+    left_room = reachable_space(seen, (-2.0, 0.0), caught)
+    assert left_room is not None
+    assert left_room.area_m2 < 0.4 * roomy.area_m2
+    squeezing = ReachSettings(radius_m=0.55, tight_radius_m=0.15, pocket_m2=left_room.area_m2 + 1.0)
+    freed = reachable_space(seen, (-2.0, 0.0), squeezing)
+    assert freed is not None
+    assert freed.area_m2 == pytest.approx(roomy.area_m2)
+    no_help = ReachSettings(radius_m=0.55, pocket_m2=1000.0)
+    still_caught = reachable_space(seen, (-2.0, 0.0), no_help)
+    assert still_caught is not None
+    assert still_caught.area_m2 == left_room.area_m2
