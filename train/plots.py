@@ -12,6 +12,8 @@ from anm_gym.metrics.intervals import mean_interval
 
 PALETTE: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#555555")
 """Okabe and Ito's colours, told apart by every kind of colour vision."""
+STROKES: Final = (("-", ""), ("--", "– – "), (":", "··· "))
+"""Line styles of curves whose colours repeat, and the signs before their labels."""
 
 MIN_BAND_CURVES: Final = 3
 """Fewer curves have intervals too wide to be drawn."""
@@ -79,8 +81,9 @@ def plot_curves(
         band = mean_band(curves, x)
         if len(curves) >= MIN_BAND_CURVES:
             axes.fill_between(x, band.low, band.high, color=color, alpha=0.15, linewidth=0)
-        axes.plot(x, band.mean, color=color, linewidth=2.0)
-        ends.append((float(band.mean[-1]), name, color))
+        dashes, sign = STROKES[index // len(PALETTE) % len(STROKES)]
+        axes.plot(x, band.mean, color=color, linewidth=2.0, linestyle=dashes)
+        ends.append((float(band.mean[-1]), sign + name, color))
     axes.set_xlim(0.0, x_max)
     axes.set_ylim(0.0, min(1.05 * max([1.0, *(float(curve.y.max()) for curve in _all(groups))]), 100.0))
     _label_ends(axes, ends, x_max)

@@ -5,7 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from train.plots import Curve, completion_figure, mean_band, reliability_figure, tradeoff_figure
+from train.plots import (
+    Curve,
+    completion_figure,
+    figure,
+    mean_band,
+    plot_curves,
+    reliability_figure,
+    tradeoff_figure,
+)
 
 
 def test_curve_is_a_staircase_held_after_its_end():
@@ -34,8 +42,6 @@ def test_figure_is_drawn_without_a_display(tmp_path):
 
 
 def test_names_at_the_ends_of_equal_curves_do_not_overlap():
-    from train.plots import figure, plot_curves
-
     _, (axes, _) = figure(2)
     x = np.linspace(0.0, 10.0, 11)
     plot_curves(axes, {name: [Curve(x, 5.0 * x)] for name in "abc"}, 10.0, "steps", "y")
@@ -49,6 +55,17 @@ def test_any_number_of_agents_gets_colours(tmp_path, num_agents):
     x = np.array([0.0, 1.0])
     curves = {f"agent{i}": [Curve(x, x)] for i in range(num_agents)}
     assert completion_figure(curves, curves, 1, tmp_path / "curves.png").exists()
+
+
+def test_curves_of_one_colour_differ_in_strokes():
+    _, [axes] = figure(1)
+    x = np.array([0.0, 10.0])
+    plot_curves(axes, {f"agent{i}": [Curve(x, x)] for i in range(15)}, 10.0, "steps", "y")
+    looks = {(line.get_color(), line.get_linestyle()) for line in axes.get_lines()}
+    assert len(looks) == 15
+    labels = [text.get_text() for text in axes.texts]
+    assert len(set(labels)) == 15
+    assert sum(label.startswith("– – ") for label in labels) == 7
 
 
 def test_reliability_is_drawn_even_where_nothing_was_predicted(tmp_path):
