@@ -85,7 +85,8 @@ class TakenViews:
         near = np.linalg.norm(positions_xz[:, None] - poses[None, :, :2], axis=2) <= self.radius_m
         headings = 2.0 * np.pi * np.arange(num_headings) / num_headings
         is_towards = np.abs(_wrap(headings - poses[:, 2:])) <= self.angle_rad
-        return np.asarray(near @ is_towards)
+        # In floats, which count exactly here: products of bool matrices take fifty times as long.
+        return np.asarray(near.astype(np.float32) @ is_towards.astype(np.float32) > 0.0)
 
 
 def expected_visibility(
@@ -170,7 +171,8 @@ def gains_by_heading(
     worth = weights * visibility * (np.abs(offsets[..., 1]) < half_vertical * horizontal)
     flat = np.arange(len(places))[:, None] * settings.num_headings + index
     size = len(places) * settings.num_headings
-    sums = np.bincount(flat.ravel(), worth.ravel(), minlength=size).astype(np.float64)  # whole if empty
+    # Without points, `bincount` counts in whole numbers.
+    sums = np.bincount(flat.ravel(), worth.ravel(), minlength=size).astype(np.float64)
     histogram = sums.reshape(len(places), settings.num_headings)
     half_sectors = max(0, int(np.deg2rad(camera.hfov_deg) / 2.0 / sector - 0.5 + 1e-9))
     shifts = range(-half_sectors, half_sectors + 1)
