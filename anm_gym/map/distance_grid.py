@@ -48,6 +48,8 @@ class DistanceGrid(nn.Module):
     evidence: Tensor
     change: Tensor
     table: Tensor
+    table_size: Tensor
+    table_strides: Tensor
     low_block: Tensor
     blocks: Tensor
 
@@ -60,6 +62,8 @@ class DistanceGrid(nn.Module):
         self.register_buffer("blocks", torch.zeros((1, 3), dtype=torch.int64))
         self.register_buffer("table", torch.zeros((1, 1, 1), dtype=torch.int64))
         self.register_buffer("low_block", torch.zeros(3, dtype=torch.int64))
+        for name in ("table_size", "table_strides"):  # of the table, kept beside it on its device
+            self.register_buffer(name, torch.ones(3, dtype=torch.int64), persistent=False)
         self._touched: list[Tensor] = []
         self._sums = torch.zeros(0)
 
@@ -189,9 +193,8 @@ class DistanceGrid(nn.Module):
     def _entries(self, pair: Tensor) -> Tensor:
         """(N, 8) entries of the table for (N, 3, 2) lattice coordinates, negative outside of it."""
         block = (pair >> _SHIFT) - self.low_block[:, None]
-        size = torch.tensor(self.table.shape, device=block.device)[:, None]
-        strides = torch.tensor(self.table.stride(), device=block.device)[:, None]
-        entry = torch.where((block >= 0) & (block < size), block * strides, _OUTSIDE)
+        is_inside = (block >= 0) & (block < self.table_size[:, None])
+        entry = torch.where(is_inside, block * self.table_strides[:, None], _OUTSIDE)
         x, y, z = entry[:, 0, :, None, None], entry[:, 1, None, :, None], entry[:, 2, None, None, :]
         return (x + y + z).reshape(-1, 8)
 
@@ -210,7 +213,7 @@ class DistanceGrid(nn.Module):
         """Give memory to the blocks at distinct entries of the table."""
         first, count = len(self.blocks), len(entries)
         self.table.view(-1)[entries] = torch.arange(first, first + count, device=entries.device)
-        coordinates = torch.stack(torch.unravel_index(entries, self.table.shape), dim=1)
+        coordinates = entries[:, None] // self.table_strides % self.table_size
         self.blocks = torch.cat([self.blocks, coordinates + self.low_block])
         missing = len(self.blocks) * _BLOCK_SIZE - len(self.values)
         if missing > 0:
@@ -223,10 +226,8 @@ class DistanceGrid(nn.Module):
         """Grow the table until it holds every block from `low` to `high`."""
         is_empty = len(self.blocks) == 1
         old_low = low if is_empty else self.low_block
-        old_high = (
-            high + 1 if is_empty else self.low_block + torch.tensor(self.table.shape, device=low.device)
-        )
-        if not is_empty and bool((low >= old_low).all() and (high < old_high).all()):
+        old_high = high + 1 if is_empty else self.low_block + self.table_size
+        if not is_empty and bool(((low >= old_low) & (high < old_high)).all()):
             return
         new_low = torch.where(low < old_low, low - _GROWTH_BLOCKS, old_low)
         new_high = torch.where(high >= old_high, high + 1 + _GROWTH_BLOCKS, old_high)
@@ -236,6 +237,12 @@ class DistanceGrid(nn.Module):
             width, height, depth = self.table.shape
             table[x : x + width, y : y + height, z : z + depth] = self.table
         self.table, self.low_block = table, new_low
+        self._measure_table()
+
+    def _measure_table(self) -> None:
+        device = self.table.device
+        self.table_size = torch.tensor(self.table.shape, device=device)
+        self.table_strides = torch.tensor(self.table.stride(), device=device)
 
     def _load_from_state_dict(self, state_dict: dict[str, Tensor], prefix: str, *arguments: object) -> None:
         """Take the size of the saved memory before its contents."""
@@ -244,4 +251,5 @@ class DistanceGrid(nn.Module):
             if saved is not None:
                 setattr(self, name, getattr(self, name).new_zeros(saved.shape))
         super()._load_from_state_dict(state_dict, prefix, *arguments)
+        self._measure_table()
         self._touched = [self.change.nonzero().squeeze(1)]

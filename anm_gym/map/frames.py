@@ -89,10 +89,10 @@ class FrameStore:
             slots: (R,) int64 frame of each ray, as a position in the window.
             per_ray: (R,) float32 losses.
         """
-        rays = torch.bincount(slots, minlength=len(window))
-        sums = torch.zeros(len(window), device=self.device).index_add_(0, slots, per_ray)
-        drawn = rays > 0
-        self._losses[window[drawn]] = sums[drawn] / rays[drawn]
+        zeros = torch.zeros(len(window), device=self.device)
+        rays = zeros.index_add(0, slots, torch.ones_like(per_ray))
+        means = zeros.index_add(0, slots, per_ray) / rays.clamp(min=1.0)
+        self._losses[window] = torch.where(rays > 0.0, means, self._losses[window])
 
     def window(self, generator: torch.Generator) -> Tensor:
         """Draw the frames of one iteration: the two newest and replayed ones.
@@ -133,14 +133,15 @@ class FrameStore:
         frames = window[slots]
         depth = self._depths[frames, pixels]
         normals, has_normal = self._camera_normals(frames, pixels, depth)
-        keep = has_normal & (depth > 0.0)
-        rotations = self._poses[frames[keep], :3, :3]
+        kept = torch.nonzero((has_normal & (depth > 0.0)).reshape(-1))[:, 0]
+        poses = self._poses[frames.reshape(-1)[kept]]
+        directions = self._directions[pixels.reshape(-1)[kept]]
         return PixelBatch(
-            slots=slots[keep],
-            depth_m=depth[keep],
-            origins=self._poses[frames[keep], :3, 3],
-            directions=torch.einsum("nij,nj->ni", rotations, self._directions[pixels[keep]]),
-            normals=torch.einsum("nij,nj->ni", rotations, normals[keep]),
+            slots=slots.reshape(-1)[kept],
+            depth_m=depth.reshape(-1)[kept],
+            origins=poses[:, :3, 3],
+            directions=torch.einsum("nij,nj->ni", poses[:, :3, :3], directions),
+            normals=torch.einsum("nij,nj->ni", poses[:, :3, :3], normals.reshape(-1, 3)[kept]),
         )
 
     def points(self, index: int, stride: int) -> Tensor:

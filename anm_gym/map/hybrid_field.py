@@ -51,7 +51,7 @@ class HybridField(Field):
     def observe(self, points: Tensor, distances: Tensor) -> None:
         """Fit each grid to the observations within its band."""
         for level, grid in enumerate(self.grids()):
-            near = distances.abs() <= grid.settings.band_m
+            near = torch.nonzero(distances.abs() <= grid.settings.band_m)[:, 0]
             weights = torch.where(distances < 0.0, grid.settings.behind_weight, 1.0)
             coarser = partial(self._predict, levels=level)
             grid.observe(points[near], distances[near], weights[near], coarser)
@@ -79,9 +79,8 @@ class HybridField(Field):
         share = torch.ones_like(points[:, 0])
         for grid, corners in zip(self.grids(), located, strict=False):
             share = share * (1.0 - grid.known_share(corners).detach())
-        counts = share > NEGLIGIBLE_SHARE
-        answer = torch.zeros_like(share)
-        return answer.masked_scatter(counts, ask(points[counts])) if bool(counts.any()) else answer
+        counts, answer = torch.nonzero(share > NEGLIGIBLE_SHARE)[:, 0], torch.zeros_like(share)
+        return answer.index_copy(0, counts, ask(points[counts])) if len(counts) else answer
 
 
 def make_field(settings: FieldSettings, generator: torch.Generator) -> Field:

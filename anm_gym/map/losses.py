@@ -70,13 +70,14 @@ def distance_bound(rays: RayBatch, kind: DistanceTarget, cloud_distance: CloudDi
     planar = bound * cosine
     if kind == "normal":
         return planar
-    is_far = bound > CLOUD_FROM_M
-    nearest = cloud_distance(rays.points[is_far])
-    spacing = (CLOUD_SPACING_M + CLOUD_SPREAD * rays.pixels.depth_m[:, None]).expand(bound.shape)[is_far]
-    highest = torch.minimum(bound[is_far], nearest)
+    far = torch.nonzero((bound > CLOUD_FROM_M).reshape(-1))[:, 0]
+    nearest = cloud_distance(rays.points.reshape(-1, 3)[far])
+    spacing = CLOUD_SPACING_M + CLOUD_SPREAD * rays.pixels.depth_m[far // bound.shape[1]]
+    highest = torch.minimum(bound.reshape(-1)[far], nearest)
     lowest = torch.minimum(nearest - spacing, highest)
-    planar = bound * cosine.clamp(min=MIN_COSINE)
-    return planar.masked_scatter(is_far, torch.maximum(torch.minimum(planar[is_far], highest), lowest))
+    planar = (bound * cosine.clamp(min=MIN_COSINE)).reshape(-1)
+    held = torch.maximum(torch.minimum(planar[far], highest), lowest)
+    return planar.index_copy(0, far, held).reshape(bound.shape)
 
 
 def distance_loss(prediction: Tensor, bound: Tensor, settings: LossSettings) -> Tensor:

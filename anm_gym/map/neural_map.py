@@ -25,7 +25,7 @@ from anm_gym.map.perturbation import perturbations, variability
 from anm_gym.map.sampling import RayBatch, sample_rays
 from anm_gym.map.settings import MapSettings, VariabilitySettings
 from anm_gym.map.volume import ObservedVolume
-from anm_gym.map.zero_crossings import EMPTY, Lattice, ZeroCrossings, extract_zero_crossings
+from anm_gym.map.zero_crossings import EMPTY, Lattice, ZeroCrossings, zero_crossings_within
 from anm_gym.stopwatch import Stopwatch
 
 CLOUD_STRIDE_PX = 2
@@ -177,21 +177,17 @@ class NeuralMap:
         generator = torch.Generator(self.device).manual_seed(POSTERIOR_SEED)
         return np.sqrt(self._variability(points, settings, generator))
 
-    def zero_crossings(self, voxel_m: float, margin_m: float = 0.2) -> ZeroCrossings:
-        """Extract the predicted surface over the observed extent, with cubic cells of `voxel_m`."""
-        if len(self.cloud) == 0:
-            return EMPTY
-        bounds = self.cloud.bounds() + np.array([[-margin_m], [margin_m]])
-        return extract_zero_crossings(self.sdf, Lattice.with_spacing(bounds, voxel_m))
-
     def mesh(self, voxel_m: float = 0.06, crop_m: float = 0.25) -> ZeroCrossings:
         """Reconstruct the scene: zero-crossings within `crop_m` of an observed point that are well known."""
-        surface = self.zero_crossings(voxel_m)
-        if len(surface) == 0:
-            return surface
+        if len(self.cloud) == 0:
+            return EMPTY
+        diagonal_m = np.sqrt(3.0) * voxel_m
+        margin_m = crop_m + diagonal_m
+        lattice = Lattice.with_spacing(self.cloud.bounds() + np.array([[-margin_m], [margin_m]]), voxel_m)
+        surface = zero_crossings_within(self.sdf, lattice, lattice.near(self.cloud.points, margin_m))
         kept = self.cloud.distance_of(surface.vertices) <= crop_m
         limit_m = self.settings.reconstruction_std_m
-        if limit_m is not None:
+        if limit_m is not None and kept.any():
             kept[kept] = self.posterior_std(surface.vertices[kept]) <= limit_m
         return surface.keep_vertices(kept, whole_faces=False)
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 from skimage.measure import marching_cubes
 
 SignedDistance = Callable[[NDArray[np.float32]], NDArray[np.float32]]
@@ -50,6 +51,24 @@ class Lattice:
         return np.stack([axis[index] for axis, index in zip(self.axes, indices, strict=True)], axis=1).astype(
             np.float32
         )
+
+    def near(self, points: NDArray[np.floating], radius_m: float) -> NDArray[np.bool_]:
+        """Find the grid points around others.
+
+        Args:
+            points: (N, 3) within the lattice, metres, world frame.
+            radius_m: Distance up to which grid points count, metres.
+
+        Returns:
+            (X, Y, Z) bool: all grid points within the radius of one of the points, and none that is farther
+            than that by more than a cell's diagonal.
+        """
+        is_empty = np.ones(self.shape, bool)
+        nearest = np.rint((points - self.low) / self.spacing_m).astype(np.int64)
+        is_empty[tuple(nearest.T)] = False
+        half_diagonal_m = 0.5 * float(np.linalg.norm(self.spacing_m))
+        to_points_m = ndimage.distance_transform_edt(is_empty, sampling=self.spacing_m)
+        return np.asarray(to_points_m <= radius_m + half_diagonal_m)
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from anm_gym.map.zero_crossings import (
     EMPTY,
@@ -81,3 +82,11 @@ def test_keeping_vertices_keeps_their_faces() -> None:
     keep = np.array([True, True, True, False])
     assert strip.keep_vertices(keep).faces.tolist() == [[0, 1, 2]]
     assert len(strip.keep_vertices(keep, whole_faces=False).faces) == 2
+
+
+def test_lattice_points_near_others_are_all_found_and_few_besides(rng: np.random.Generator) -> None:
+    lattice, points = Lattice.with_resolution(BOUNDS, 25), rng.uniform(-1.4, 1.4, (30, 3))
+    distance_m, _ = cKDTree(points).query(lattice.points)
+    near = lattice.near(points, 0.3).ravel()
+    assert near[distance_m <= 0.3].all()
+    assert not near[distance_m > 0.3 + np.linalg.norm(lattice.spacing_m)].any()
