@@ -123,7 +123,8 @@ class CompletionMeter:
         in_view = self._blocks.in_view(view, self._native.reach_m)
         self._native.observe(view, in_view)
         self._native_cloud.add(view.points)
-        self._official.observe(official_view, in_view)
+        # Its pixels are some of the others, so it covers nothing that they do not.
+        self._official.observe(official_view, self._native.covered_among(in_view))
         self._official_cloud.add(official_view.points)
         if not official_view.is_valid.all():
             self._official_cloud.add(view.world_from_camera[None, :3, 3].astype(np.float32))

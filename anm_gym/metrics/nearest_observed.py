@@ -57,6 +57,11 @@ class NearestObserved:
         best = np.where(self._best < self._reach, self._best, np.float32(np.inf))
         return self._blocks.in_given_order(best)
 
+    def covered_among(self, found: InView) -> InView:
+        """Those of some samples that are covered by now."""
+        kept = np.flatnonzero(self._best[found.index] < self._reach)
+        return InView(found.index[kept], found.camera_points[:, kept])
+
     def observe(self, view: DepthView, in_view: InView | None = None) -> None:
         """Account for the points of one more frame.
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anm_gym.metrics.depth_tiles import DepthTiles
+from anm_gym.metrics.depth_bins import DepthBins
 from anm_gym.metrics.depth_view import DepthView
 
 BLOCK_M = 0.75
@@ -112,5 +112,5 @@ def _may_touch(points: NDArray[np.float32], view: DepthView, reach_m: float) -> 
     column = np.float32(view.center_column) + scale * points[0]
     slant = np.float32(view.focal * reach_m * np.hypot(1.0, widest))
     radius_px = slant / (depth - np.float32(reach_m))
-    may_touch = DepthTiles(view).may_touch(row, column, radius_px, depth, reach_m)
+    may_touch = DepthBins(view, reach_m).may_touch(row, column, radius_px, depth)
     return np.asarray(may_touch | (points[2] < 2.0 * reach_m))

@@ -2,15 +2,15 @@ import numpy as np
 import pytest
 
 from anm_gym.geometry import CameraSpec, camera_pose
-from anm_gym.metrics.depth_tiles import DepthTiles
+from anm_gym.metrics.depth_bins import DepthBins
 from anm_gym.metrics.depth_view import depth_view
 
 REACH_M = 0.05
 
 
-def tiles_of(depth):
+def bins_of(depth):
     camera = CameraSpec(depth.shape[1], depth.shape[0])
-    return DepthTiles(depth_view(depth, camera, camera_pose([0, 0, 0], 0.0)))
+    return DepthBins(depth_view(depth, camera, camera_pose([0, 0, 0], 0.0)), REACH_M)
 
 
 @pytest.mark.parametrize("shape", [(64, 64), (37, 50), (3, 5)])
@@ -28,7 +28,7 @@ def test_no_pixel_in_reach_is_ever_ruled_out(rng, shape):
         for r, c, size, d in zip(row, column, radius, query, strict=True)
     ]
     arrays = (array.astype(np.float32) for array in (row, column, radius, query))
-    may_touch = tiles_of(depth).may_touch(*arrays, REACH_M)
+    may_touch = bins_of(depth).may_touch(*arrays)
     assert may_touch[np.array(expected)].all()
 
 
@@ -36,10 +36,10 @@ def test_what_is_far_behind_a_wall_is_ruled_out():
     depth = np.full((64, 64), 2.0, np.float32)
     place, radius = np.full(2, 32.0, np.float32), np.full(2, 3.0, np.float32)
     queries = np.array([2.5, 1.5], np.float32)
-    assert not tiles_of(depth).may_touch(place, place, radius, queries, REACH_M).any()
+    assert not bins_of(depth).may_touch(place, place, radius, queries).any()
 
 
 def test_empty_pixels_touch_nothing():
     depth = np.zeros((64, 64), np.float32)
     place, radius = np.full(1, 32.0, np.float32), np.full(1, 3.0, np.float32)
-    assert not tiles_of(depth).may_touch(place, place, radius, np.full(1, 0.04, np.float32), REACH_M).any()
+    assert not bins_of(depth).may_touch(place, place, radius, np.full(1, 0.04, np.float32)).any()
