@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.map.reach import ReachableSpace, ReachSettings, reachable_space
 from anm_gym.map.unseen_volume import UnseenByCell, UnseenSettings, unseen_by_cell, unseen_volume
-from anm_gym.map.views import View, ViewSettings, rank_views, view_costs
+from anm_gym.map.views import TakenViews, View, ViewSettings, rank_views, view_costs
 from anm_gym.map.volume import ObservedVolume
 from anm_gym.wrappers.goal import Goal, GoalLimits, GoalWrapper
 
@@ -133,11 +133,13 @@ class NbvGoalWrapper(GoalWrapper):
 
     def _begin_episode(self) -> None:
         self._views = UnseenViews(self, self.settings.unseen)
+        self._taken = TakenViews(self.limits.arrival_m, np.deg2rad(self.limits.arrival_deg))
         self._view: View | None = None
 
     def _see(self, observation: Observation) -> None:
         with self.stopwatch("goal"):
             self._views.add(observation)
+            self._taken.add(self.position_xz, self.heading_rad)
 
     def _propose_goal(self) -> Goal | None:
         self._view = None
@@ -156,7 +158,7 @@ class NbvGoalWrapper(GoalWrapper):
         space = reachable_space(self.occupancy, self.position_xz, settings.reach)
         positions, lengths_m = self._places(space, current)
         gains = self._views.gains(positions)
-        gains[gains < settings.min_gain_m3] = 0.0
+        gains[(gains < settings.min_gain_m3) | self._taken.among(positions, gains.shape[1])] = 0.0
         best, utilities = self._rank(positions, lengths_m, gains)
         if best.gain <= 0.0:
             self._view = None

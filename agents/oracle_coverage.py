@@ -36,6 +36,7 @@ class OracleCoverageGoalWrapper(GoalWrapper):
     def __init__(self, env: gymnasium.Env[Observation, np.int64], seed: int = 0) -> None:
         RecordConstructorArgs.__init__(self, seed=seed)
         super().__init__(env, limits=LIMITS, seed=seed)
+        self.coverage = self._settings()
         self._simulator: Simulator | None = None
 
     @property
@@ -50,7 +51,7 @@ class OracleCoverageGoalWrapper(GoalWrapper):
             self._simulator = env.simulator
             component = env.simulator.grid.component_at(self.position_xz)
             table = load_view_table(env.scene.storey_mesh, env.simulator, max(component, 1))
-            self._planner = GreedyCoverage(table, env.simulator.grid, self._settings())
+            self._planner = GreedyCoverage(table, env.simulator.grid, self.coverage)
         self._planner.reset()
         self._target: GoalPose | None = None
         self._num_failures = 0

@@ -11,7 +11,7 @@ from anm_gym.envs.mesh_env import Observation
 from anm_gym.map.voronoi_graph import VoronoiSettings, voronoi_graph
 from anm_gym.wrappers.goal import Goal, GoalLimits, GoalWrapper
 
-VERTEX_REASON: Final = "vertex"
+REASON: Final = "random vertex"
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class RandomVertexGoalWrapper(GoalWrapper):
         graph = voronoi_graph(self.occupancy, self.position_xz, self.settings.graph)
         if graph is None:
             return None
-        goals = [Goal(position, None, VERTEX_REASON) for position in graph.positions_xz]
+        goals = [Goal(position, None, REASON) for position in graph.positions_xz]
         goals = [goal for goal in goals if not self.is_reached(goal) and not self._has_failed(goal)]
         return goals[int(self.rng.integers(len(goals)))] if goals else None
 

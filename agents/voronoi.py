@@ -8,7 +8,6 @@ import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
-from agents.random_vertex import VERTEX_REASON
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.geometry import wrap_angle
 from anm_gym.map.neural_map import NeuralMap
@@ -19,6 +18,7 @@ from anm_gym.map.voronoi_graph import VoronoiGraph, VoronoiSettings, voronoi_gra
 from anm_gym.sim.grid_planning import line_is_free
 from anm_gym.wrappers.goal import Goal, GoalLimits, GoalWrapper
 
+REASON: Final = "vertex"
 LIMITS: Final = GoalLimits(arrival_m=0.3, timeout_steps=250, review_steps=10)
 """Ours."""
 
@@ -120,6 +120,10 @@ class VoronoiGoalWrapper(GoalWrapper):
         self.look_round()
         self._planner = ViewPlanner(self.settings.planning.for_steps(*self.step_sizes))
 
+    def _see(self, observation: Observation) -> None:  # noqa: ARG002 - the map below has learned it
+        with self.stopwatch("goal"):
+            self._planner.note_view(self.position_xz, self.heading_rad)
+
     def _propose_goal(self) -> Goal | None:
         views = self._views(None)
         if views is None:
@@ -129,7 +133,7 @@ class VoronoiGoalWrapper(GoalWrapper):
     def _review_goal(self, goal: Goal) -> Goal | None:
         if self.settings.by_classes:
             return goal
-        current = goal if goal.reason == VERTEX_REASON else None
+        current = goal if goal.reason == REASON else None
         views = self._views(current)
         return goal if views is None else self._best(views, current) or goal
 
@@ -139,7 +143,7 @@ class VoronoiGoalWrapper(GoalWrapper):
         if graph is None:
             return None
         positions, lengths_m = self._places(graph, current)
-        planning, neural_map = self.settings.planning, self._neural_map
+        planning, neural_map = self._planner.settings, self._neural_map
         surface = self._planner.variable_surface(neural_map, self.position_xz, self.heading_rad, self.rng)
         camera_y_m = neural_map.occupancy.floor_y_m + neural_map.camera.sensor_height_m
         centers = np.insert(positions, 1, camera_y_m, axis=1)
@@ -148,8 +152,7 @@ class VoronoiGoalWrapper(GoalWrapper):
         gains = gains_by_heading(
             centers, surface.points, surface.weights, anchored, neural_map.camera, planning.views
         )
-        ahead = round(self.heading_rad * gains.shape[1] / (2.0 * np.pi))
-        gains[-1, [(ahead + turn) % gains.shape[1] for turn in (-1, 0, 1)]] = 0.0
+        gains[self._planner.taken.among(positions, gains.shape[1])] = 0.0
         gains[gains < self.settings.min_gain] = 0.0
         gains[self._has_failed(positions)] = 0.0
         return _Views(positions, lengths_m, gains)
@@ -180,7 +183,7 @@ class VoronoiGoalWrapper(GoalWrapper):
 
     def _best(self, views: _Views, current: Goal | None) -> Goal | None:
         """The view with the most anchored surface per step, or the goal under way if it still serves."""
-        planning = self.settings.planning
+        planning = self._planner.settings
         costs = view_costs(
             views.positions_xz, views.lengths_m, self.position_xz, self.heading_rad, planning.views
         )
@@ -191,7 +194,7 @@ class VoronoiGoalWrapper(GoalWrapper):
             sector = round(current.heading_rad * utilities.shape[1] / (2.0 * np.pi)) % utilities.shape[1]
             if utilities[0, sector] >= planning.keep_share * best.utility:
                 return current
-        return Goal(best.position_xz, best.heading_rad, VERTEX_REASON)
+        return Goal(best.position_xz, best.heading_rad, REASON)
 
     def _first_by_class(self, views: _Views) -> Goal | None:
         """What is left to look at here; then the nearest vertex of the best class."""
@@ -233,4 +236,4 @@ def _look(views: _Views, index: int) -> Goal:
     """Go to a place and look at most of what is anchored to it, if anything is."""
     gains = views.gains[index]
     heading_rad = wrap_angle(2.0 * np.pi * int(gains.argmax()) / len(gains)) if gains.max() > 0.0 else None
-    return Goal(views.positions_xz[index], heading_rad, VERTEX_REASON)
+    return Goal(views.positions_xz[index], heading_rad, REASON)

@@ -10,6 +10,7 @@ measured for the whole field and for its network alone, as grids do not forget.
 
 import argparse
 import json
+from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -111,18 +112,11 @@ def draw(rows: Sequence[Row], path: Path) -> Path:
     titles = {"first_room_network_cm": "network alone", "first_room_cm": "whole field"}
     steps = max(row["step"] for row in rows)
     for index, (axes, (key, title)) in enumerate(zip(panels, titles.items(), strict=True)):
-        curves = {}
-        for preset in dict.fromkeys(row["preset"] for row in rows):
-            own = [row for row in rows if row["preset"] == preset]
-            curves[preset] = [
-                Curve(
-                    *(
-                        np.array([row[name] for row in own if row["trajectory"] == walk])
-                        for name in ("step", key)
-                    )
-                )
-                for walk in dict.fromkeys(row["trajectory"] for row in own)
-            ]
+        curves: dict[str, list[Curve]] = defaultdict(list)
+        for preset, walk in dict.fromkeys((row["preset"], row["trajectory"]) for row in rows):
+            own = [row for row in rows if (row["preset"], row["trajectory"]) == (preset, walk)]
+            x, y = (np.array([row[name] for row in own], np.float64) for name in ("step", key))
+            curves[preset].append(Curve(x, y, walk))
         plot_curves(axes, curves, float(steps), "steps", "error at the first room (cm)", first=index == 0)
         axes.set_title(title, fontsize=10)
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -4,7 +4,7 @@ Computed from the trajectory, the goals and the CPU time alone, so that it can b
 files of an episode. The definitions are in ``docs/evaluation.md``; `train.attribution_report` shows them.
 """
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
@@ -27,7 +27,7 @@ CAUSES: Final = {
 MIN_CAUSE_PCT: Final = 10.0
 """A failure that took a smaller share of the steps is not called the main one, per cent."""
 NO_CAUSE: Final = "none"
-UNPROMISING: Final = frozenset({"wander", "turn round", "sweep"})
+UNPROMISING: Final = frozenset({"wander", "turn round", "sweep", "look round", "random vertex"})
 """Reasons of goals that promise no surface, and so cannot break the promise."""
 
 
@@ -207,8 +207,7 @@ def goal_fates(trajectory: Trajectory, arrival_m: float, settings: AttributionSe
     goals, completion = trajectory.goals, trajectory.curves["comp_pct"]
     begins = goals[:, 2].astype(np.int64)
     ends = np.append(begins[1:], len(trajectory.actions))
-    ended = np.column_stack([goals[:, :2], ends])
-    is_failed = (ended[:, None] == trajectory.failures[None]).all(axis=2).any(axis=1)
+    is_failed = _failed_goals(np.column_stack([goals[:, :2], ends]), trajectory.failures)
     left_m = np.linalg.norm(trajectory.poses[ends, :2] - goals[:, :2], axis=1)
     is_reached = ~is_failed & (left_m <= arrival_m + settings.arrival_slack_m)
     reasons = [*trajectory.goal_reasons, *[""] * (len(goals) - len(trajectory.goal_reasons))]
@@ -217,6 +216,21 @@ def goal_fates(trajectory: Trajectory, arrival_m: float, settings: AttributionSe
     return GoalFates(
         ends - begins, is_failed, is_reached, is_reached & promises & (gain_pct < settings.no_gain_pct)
     )
+
+
+def _failed_goals(ended: NDArray[np.float64], failures: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(G,) which goals failed, by (x, z, step) of each end and each failure.
+
+    Of goals that ended at one place in one step, the last one is the one that failed.
+    """
+    candidates: dict[tuple[float, ...], list[int]] = defaultdict(list)
+    for index, end in enumerate(ended.tolist()):
+        candidates[tuple(end)].append(index)
+    is_failed = np.zeros(len(ended), bool)
+    for failure in failures.tolist():
+        if candidates[tuple(failure)]:
+            is_failed[candidates[tuple(failure)].pop()] = True
+    return is_failed
 
 
 def _covered(begins: NDArray[np.intp], ends: NDArray[np.intp], length: int) -> NDArray[np.bool_]:

@@ -32,6 +32,8 @@ class Curve:
     """(T,) not decreasing."""
     y: NDArray[np.float64]
     """(T,)."""
+    scene: str = ""
+    """Where it was played."""
 
     def at(self, x: ArrayLike) -> NDArray[np.float64]:
         """Read the curve as a staircase: the last value at or before each `x`."""
@@ -50,7 +52,7 @@ class Band:
 
 
 def mean_band(curves: Sequence[Curve], x: NDArray[np.float64]) -> Band:
-    """Average curves on a common axis, with a pointwise 95 % t-interval.
+    """Average curves on a common axis, with a 95 % t-interval over scenes, or over the curves of one.
 
     Args:
         curves: At least one curve.
@@ -60,7 +62,8 @@ def mean_band(curves: Sequence[Curve], x: NDArray[np.float64]) -> Band:
         (K,) arrays; without a second curve there is no interval and the band is NaN.
     """
     values = np.stack([curve.at(x) for curve in curves])
-    intervals = [mean_interval(column) for column in values.T]
+    scenes = [curve.scene for curve in curves]
+    intervals = [mean_interval(column, clusters=scenes) for column in values.T]
     mean, low, high = np.array([(each.mean, each.low, each.high) for each in intervals]).T
     return Band(x, mean, low, high)
 

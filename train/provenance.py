@@ -3,10 +3,13 @@
 import hashlib
 import json
 import platform
+import subprocess
 from collections.abc import Mapping
 from dataclasses import asdict, is_dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from shutil import which
 from typing import Any, Final
 
 import gymnasium as gym
@@ -65,8 +68,9 @@ def geometry_digest(mesh: TriangleMesh) -> str:
 
 @cache
 def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that make the numbers."""
-    return {"python": platform.python_version()} | {name: _version(name) for name in PACKAGES}
+    """Versions of Python and of the packages that make the numbers, and the commit of this one."""
+    packages = {name: _version(name) for name in PACKAGES}
+    return {"python": platform.python_version()} | packages | {"commit": _commit()}
 
 
 def _settings_of(owner: Any) -> dict[str, Any]:
@@ -91,6 +95,16 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
     return value if isinstance(value, str | int | float | bool | None) else type(value).__name__
+
+
+def _commit() -> str:
+    """Commit of the checkout that holds this file, with a + where it was changed; empty outside of one."""
+    root = Path(__file__).resolve().parents[1]
+    if not (root / ".git").exists() or which("git") is None:
+        return ""
+    command = ["git", "-C", str(root), "describe", "--always", "--dirty=+", "--exclude=*"]
+    found = subprocess.run(command, capture_output=True, text=True, check=False)
+    return found.stdout.strip() if found.returncode == 0 else ""
 
 
 def _version(name: str) -> str:

@@ -90,8 +90,8 @@ def load_curves(
         trajectory = Trajectory.load(path)
         y = trajectory.curves["comp_pct"][: max_steps + 1]
         name = agent_name(row["agent"], row["preset"])
-        steps[name].append(Curve(np.arange(len(y), dtype=np.float64), y))
-        metres[name].append(Curve(trajectory.path_m[: len(y)], y))
+        steps[name].append(Curve(np.arange(len(y), dtype=np.float64), y, row["scene"]))
+        metres[name].append(Curve(trajectory.path_m[: len(y)], y, row["scene"]))
     return dict(steps), dict(metres)
 
 
@@ -143,8 +143,7 @@ def _by_scene(rows: Sequence[Row]) -> str:
     body = []
     for scene in scenes:
         values = [
-            estimate([value_of(row, "comp_pct") for row in group if row["scene"] == scene])
-            for group in groups.values()
+            estimate([row for row in group if row["scene"] == scene], "comp_pct") for group in groups.values()
         ]
         cells = [Cell(format_estimate(value, 1), value.mean if value else None) for value in values]
         body.append([Cell(scene), *cells])

@@ -282,8 +282,7 @@ class NeuralMap:
     def _log(self, depth_m: NDArray[np.float32], world_from_camera: NDArray[np.floating]) -> None:
         """Keep what the frame shows beside the network: cloud, volume and floor."""
         if self._occupancy is None:
-            floor_y_m = float(world_from_camera[1, 3]) - self.camera.sensor_height_m
-            self._occupancy = OccupancyGrid(floor_y_m=floor_y_m)
+            self._occupancy = OccupancyGrid.below(self.camera, world_from_camera)
         self._occupancy.integrate(depth_m.reshape(self.camera.height_px, -1), self.camera, world_from_camera)
         self.volume.integrate(depth_m, world_from_camera)
         self.cloud.add(_array(self.frames.points(len(self.frames) - 1, CLOUD_STRIDE_PX)))

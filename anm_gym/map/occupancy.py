@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
-from anm_gym.geometry import CameraSpec, heading_of
+from anm_gym.geometry import CameraSpec, forward_xz, heading_of
 from anm_gym.sim.grid import GridFrame
 
 GROWTH_CELLS = 64
 """The raster grows by at least this many cells at a time."""
 ROWS_USED = 128
 """Image rows looked at: every column counts for a thin leg, every second row of 256 is enough."""
-CONTACT_EVIDENCE = 1 << 20
-"""Evidence of a collision: no number of rays outweighs it."""
+CONTACT_REACH_M = 0.15
+"""How far ahead of the body's centre a contact is remembered, metres."""
 STANCE_M = 0.05
 """Around each place where the agent has stood its centre may stand again, metres."""
 LEVEL_TOLERANCE = 1e-3
@@ -85,8 +85,20 @@ class OccupancyGrid:
         self._passes = np.zeros((0, 0), np.int32)
         self._assumed = np.zeros((0, 0), bool)
         self._stood = np.zeros((0, 0), bool)
+        self._touched = np.zeros((0, 0), bool)
         self._labels: _Labels | None = None
         self._clearance_m: NDArray[np.float32] | None = None
+
+    @classmethod
+    def below(
+        cls,
+        camera: CameraSpec,
+        world_from_camera: NDArray[np.floating],
+        settings: OccupancySettings | None = None,
+    ) -> "OccupancyGrid":
+        """Make the grid of the floor over which a camera, (4, 4) pose, is carried at its height."""
+        floor_y_m = float(world_from_camera[1, 3]) - camera.sensor_height_m
+        return cls(floor_y_m=floor_y_m, settings=settings)
 
     @property
     def cell_m(self) -> float:
@@ -176,12 +188,20 @@ class OccupancyGrid:
         point = np.asarray(position_xz, np.float64).reshape(1, 2)
         self._cover(point)
         row, column = self.frame.cells_of(point)[0]
-        self._hits[row, column] += CONTACT_EVIDENCE
+        self._touched[row, column] = True
         self._changed()
+
+    def mark_contact(self, world_from_camera: NDArray[np.floating]) -> None:
+        """Log a contact ahead of a camera, (4, 4) pose: a short line across, as it may be out of view."""
+        position_xz, heading_rad = world_from_camera[[0, 2], 3], heading_of(world_from_camera)
+        ahead, left = forward_xz(heading_rad), forward_xz(heading_rad + np.pi / 2.0)
+        for side_m in (-self.cell_m, 0.0, self.cell_m):
+            self.mark_blocked(position_xz + CONTACT_REACH_M * ahead + side_m * left)
 
     def _label(self) -> "_Labels":
         if self._labels is None:
             occupied = (self._hits > 0) & (self.settings.hit_weight * self._hits >= self._passes)
+            occupied |= self._touched
             free = ((self._passes > 0) | self._assumed) & ~occupied
             self._labels = _Labels(occupied, free, ~(free | occupied))
         return self._labels
@@ -210,6 +230,7 @@ class OccupancyGrid:
             self._frame = GridFrame((low[0] * cell_m, low[1] * cell_m), cell_m, (1, 1))
             self._hits, self._passes = np.zeros((1, 1), np.int32), np.zeros((1, 1), np.int32)
             self._assumed, self._stood = np.zeros((1, 1), bool), np.zeros((1, 1), bool)
+            self._touched = np.zeros((1, 1), bool)
         first = np.round(np.asarray(self._frame.origin_xz) / cell_m).astype(int)
         before = _growth(first - low)
         after = _growth(high - first - np.array(self._frame.shape[::-1]))
@@ -220,6 +241,7 @@ class OccupancyGrid:
         pad = tuple((int(low), int(high)) for low, high in zip(before, after, strict=True))
         self._hits, self._passes = np.pad(self._hits, pad), np.pad(self._passes, pad)
         self._assumed, self._stood = np.pad(self._assumed, pad), np.pad(self._stood, pad)
+        self._touched = np.pad(self._touched, pad)
         cell_m, shape = self.settings.cell_m, self._hits.shape
         self._frame = GridFrame((float(first[0] * cell_m), float(first[1] * cell_m)), cell_m, shape)
 

@@ -1,11 +1,16 @@
 """Means with their confidence intervals, and paired differences between two agents."""
 
-from collections.abc import Hashable, Mapping
-from dataclasses import dataclass
+from collections import defaultdict
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy import stats
+
+Pair = TypeVar("Pair", bound=tuple[Any, ...])
+"""What two agents have in common: a scene first, then a seed or the like."""
 
 
 @dataclass(frozen=True)
@@ -30,12 +35,16 @@ class Interval:
         return self.mean + self.half_width
 
 
-def mean_interval(values: ArrayLike, confidence: float = 0.95) -> Interval:
+def mean_interval(
+    values: ArrayLike, confidence: float = 0.95, clusters: Sequence[Hashable] | None = None
+) -> Interval:
     """Estimate a mean with Student's t interval; values that are not finite are left out.
 
     Args:
         values: Any number of independent values.
         confidence: Coverage of the interval, between 0 and 1.
+        clusters: What each value belongs to, such as its scene, where values of one cluster are alike: then
+            the means of the clusters are what is independent. Within a single cluster the values are.
 
     Returns:
         The interval.
@@ -51,13 +60,25 @@ def mean_interval(values: ArrayLike, confidence: float = 0.95) -> Interval:
     if not 0.0 < confidence < 1.0:
         raise ValueError(f"`confidence` must be between 0 and 1, got {confidence}")
     finite = np.asarray(values, np.float64).ravel()
-    finite = finite[np.isfinite(finite)]
+    is_finite = np.isfinite(finite)
+    finite = finite[is_finite]
+    if clusters is not None:
+        means = _cluster_means(finite, [clusters[index] for index in np.flatnonzero(is_finite).tolist()])
+        if len(means) > 1:
+            return replace(mean_interval(means, confidence), count=len(finite))
     count = len(finite)
     if count < 2:
         return Interval(float(finite[0]) if count else float("nan"), float("nan"), count)
     quantile = float(stats.t.ppf(0.5 + confidence / 2.0, count - 1))
     half_width = quantile * float(finite.std(ddof=1)) / count**0.5
     return Interval(float(finite.mean()), half_width, count)
+
+
+def _cluster_means(values: NDArray[np.float64], clusters: Sequence[Hashable]) -> list[float]:
+    by_cluster: dict[Hashable, list[float]] = defaultdict(list)
+    for value, cluster in zip(values, clusters, strict=True):
+        by_cluster[cluster].append(float(value))
+    return [float(np.mean(members)) for members in by_cluster.values()]
 
 
 def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
@@ -96,12 +117,12 @@ def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> tu
 
 
 def paired_difference(
-    first: Mapping[Hashable, float], second: Mapping[Hashable, float], confidence: float = 0.95
+    first: Mapping[Pair, float], second: Mapping[Pair, float], confidence: float = 0.95
 ) -> Interval:
     """Estimate how much higher the first agent's values are, pair by pair.
 
     Args:
-        first: Values by what makes a pair, as (scene, seed).
+        first: Values by what makes a pair, as (scene, seed); pairs of one scene are a cluster.
         second: Values of the other agent; keys that only one has are left out.
         confidence: Coverage of the interval.
 
@@ -109,4 +130,5 @@ def paired_difference(
         Interval of the mean difference first - second.
     """
     shared = [key for key in first if key in second]
-    return mean_interval([first[key] - second[key] for key in shared], confidence)
+    differences = [first[key] - second[key] for key in shared]
+    return mean_interval(differences, confidence, [key[0] for key in shared])

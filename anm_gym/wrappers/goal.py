@@ -4,7 +4,7 @@ The base class decides when a goal has ended; subclasses decide which comes next
 """
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import gymnasium
@@ -15,15 +15,17 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from anm_gym.envs.mesh_env import Observation
-from anm_gym.geometry import forward_xz, heading_of, pointgoal, wrap_angle
+from anm_gym.geometry import heading_of, pointgoal, wrap_angle
 from anm_gym.map.occupancy import OccupancyGrid
 from anm_gym.map.reach import ReachSettings, reachable_space
 from anm_gym.stopwatch import Stopwatch
 
 SWEEP_REASON = "sweep"
 """Reason of the goals of a turn once round."""
-CONTACT_REACH_M = 0.15
-"""How far ahead of the body's centre a contact is remembered, metres."""
+ALREADY_THERE = "already there"
+"""Reason of failures that were reached when they were proposed: what they promised is not to be had."""
+MAX_PROPOSALS = 10
+"""Goals that are asked for in a row while the agent already stands at each of them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,17 +240,10 @@ class GoalWrapper(
             if not self._has_neural_map:
                 camera = self.get_wrapper_attr("camera")
                 if self._grid is None:
-                    self._grid = OccupancyGrid(floor_y_m=float(self._pose[1, 3]) - camera.sensor_height_m)
+                    self._grid = OccupancyGrid.below(camera, self._pose)
                 self._grid.integrate(observation["depth"], camera, self._pose)
             if info["collided"]:
-                self._mark_contact()
-
-    def _mark_contact(self) -> None:
-        """Mark a short line across the way: what was touched is not in view."""
-        ahead = forward_xz(self.heading_rad)
-        left = forward_xz(self.heading_rad + np.pi / 2.0)
-        for side_m in (-self.occupancy.cell_m, 0.0, self.occupancy.cell_m):
-            self.occupancy.mark_blocked(self.position_xz + CONTACT_REACH_M * ahead + side_m * left)
+                self.occupancy.mark_contact(self._pose)
 
     def _review(self) -> None:
         if self.goal.reason == SWEEP_REASON:
@@ -261,12 +256,19 @@ class GoalWrapper(
             self._set_goal(reviewed)
 
     def _replace_goal(self) -> None:
+        """Take the next goal; one at which the agent already stands has failed, so that another is found."""
         with self.stopwatch("goal"):
-            if self._sweep_rad:
-                proposed: Goal | None = Goal(self.position_xz, self._sweep_rad.pop(), SWEEP_REASON)
-            else:
-                proposed = self._propose_goal()
-            self._set_goal(self.wander_goal() if proposed is None else proposed)
+            for _ in range(MAX_PROPOSALS):
+                self._set_goal(self._next_goal())
+                if not self.is_reached(self.goal):
+                    return
+                self.failures.append(replace(self.goal, reason=ALREADY_THERE))
+            self._set_goal(self.wander_goal())
+
+    def _next_goal(self) -> Goal:
+        if self._sweep_rad:
+            return Goal(self.position_xz, self._sweep_rad.pop(), SWEEP_REASON)
+        return self._propose_goal() or self.wander_goal()
 
     def _set_goal(self, goal: Goal) -> None:
         self._goal, self._goal_steps = goal, 0

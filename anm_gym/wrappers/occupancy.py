@@ -11,9 +11,7 @@ from gymnasium.utils import RecordConstructorArgs
 
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.errors import MapError
-from anm_gym.geometry import forward_xz, heading_of
 from anm_gym.map.occupancy import OccupancyGrid, OccupancySettings
-from anm_gym.wrappers.goal import CONTACT_REACH_M
 
 
 @final
@@ -55,9 +53,8 @@ class OccupancyWrapper(
     ) -> tuple[Observation, dict[str, Any]]:
         """Begin an episode with an empty grid."""
         observation, info = self.env.reset(seed=seed, options=options)
-        height_m = self.get_wrapper_attr("camera").sensor_height_m
-        floor_y_m = float(observation["world_from_camera"][1, 3]) - height_m
-        self.occupancy = OccupancyGrid(floor_y_m=floor_y_m, settings=self.settings)
+        camera, pose = self.get_wrapper_attr("camera"), observation["world_from_camera"].astype(np.float64)
+        self.occupancy = OccupancyGrid.below(camera, pose, self.settings)
         self._log(observation)
         return observation, info
 
@@ -66,18 +63,12 @@ class OccupancyWrapper(
         observation, reward, terminated, truncated, info = self.env.step(action)
         self._log(observation)
         if info["collided"]:
-            self._mark_contact(observation)
+            self.occupancy.mark_contact(observation["world_from_camera"].astype(np.float64))
         return observation, float(reward), terminated, truncated, info
 
     def _log(self, observation: Observation) -> None:
         pose = observation["world_from_camera"].astype(np.float64)
         self.occupancy.integrate(observation["depth"], self.get_wrapper_attr("camera"), pose)
-
-    def _mark_contact(self, observation: Observation) -> None:
-        """Mark what was touched: it may be out of view, and an agent that does not move sees nothing new."""
-        pose = observation["world_from_camera"].astype(np.float64)
-        ahead_xz = forward_xz(heading_of(pose))
-        self.occupancy.mark_blocked(pose[[0, 2], 3] + CONTACT_REACH_M * ahead_xz)
 
 
 def has_occupancy(env: gymnasium.Env[Any, Any]) -> bool:

@@ -3,6 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from agents.nbv import PRESETS, NbvGoalWrapper, NbvSettings
 from anm_gym.actions import Action
@@ -108,3 +109,19 @@ def test_same_seed_proposes_the_same_views(explore: Explore, two_rooms: Triangle
 def test_unknown_preset_lists_the_choices(explore: Explore, two_rooms: TriangleMesh) -> None:
     with pytest.raises(ValueError, match="unknown NBV preset 'weak'; choose one of: exponential, strong"):
         NbvGoalWrapper(explore(two_rooms), preset="weak")
+
+
+def test_views_that_were_taken_are_not_goals_again(
+    explore: Explore, two_rooms: TriangleMesh, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    env = NbvGoalWrapper(explore(two_rooms, start=IN_THE_LEFT_ROOM))
+    env.reset(seed=0)
+    turn_round(env)
+
+    def most_from_here(positions_xz: NDArray[np.float64]) -> NDArray[np.float64]:
+        is_here = np.linalg.norm(positions_xz - env.position_xz, axis=1) < 0.1
+        return np.where(is_here, 9.0, 1.0)[:, None] * np.ones(36)
+
+    monkeypatch.setattr(env._views, "gains", most_from_here)
+    env.report_unreachable("a new choice")
+    assert np.linalg.norm(env.goal.position_xz - env.position_xz) > env.limits.arrival_m

@@ -22,7 +22,7 @@ def test_after_a_turn_goals_are_vertices_of_the_graph(
     explore: Callable[..., ExploreEnv], two_rooms: TriangleMesh
 ) -> None:
     env = turned(explore(two_rooms, start=(-2.0, 0.0, np.pi / 2)))
-    assert [goal.reason for goal in env.goals[:4]] == ["sweep", "sweep", "sweep", "vertex"]
+    assert [goal.reason for goal in env.goals[:4]] == ["sweep", "sweep", "sweep", "random vertex"]
     graph = voronoi_graph(env.occupancy, env.position_xz)
     assert graph is not None
     assert np.linalg.norm(graph.positions_xz - env.goal.position_xz, axis=1).min() < 0.3
@@ -44,7 +44,7 @@ def test_vertex_that_failed_is_not_drawn_again(
     explore: Callable[..., ExploreEnv], two_rooms: TriangleMesh
 ) -> None:
     env = turned(explore(two_rooms, start=(-2.0, 0.0, np.pi / 2)))
-    while env.goal.reason == "vertex":
+    while env.goal.reason == "random vertex":
         failed = env.goal.position_xz
         env.report_unreachable("no way")
         assert np.linalg.norm(env.goal.position_xz - failed) > 0.4

@@ -108,6 +108,24 @@ def test_contact_stays_whatever_is_seen(grid: OccupancyGrid) -> None:
     assert not grid.traversable(0.1)[tuple(grid.frame.cells_of((0.38, -2.0))[0])]
 
 
+def test_contact_stays_however_often_it_is_repeated(grid: OccupancyGrid) -> None:
+    grid.integrate(floor_depth(), CAMERA, POSE)
+    for _ in range(3000):
+        grid.mark_blocked((0.3, -2.0))
+    assert label_at(grid, 0.3, -2.0) == "occupied"
+
+
+def test_contact_is_a_line_across_the_way(grid: OccupancyGrid) -> None:
+    grid.integrate(floor_depth(), CAMERA, POSE)
+    grid.mark_contact(POSE)
+    assert [label_at(grid, x, -0.15) for x in (-0.05, 0.0, 0.05)] == ["occupied"] * 3
+    assert grid.occupied.sum() == 3
+
+
+def test_grid_below_a_camera_lies_on_its_floor() -> None:
+    assert OccupancyGrid.below(CAMERA, POSE).floor_y_m == pytest.approx(POSE[1, 3] - CAMERA.sensor_height_m)
+
+
 def test_edge_of_the_floor_is_not_free(grid: OccupancyGrid) -> None:
     depth = floor_depth()
     depth[depth > 2.0] = 0.0

@@ -20,7 +20,7 @@ class PaintedGrid(OccupancyGrid):
         super().__init__(floor_y_m=0.0)
         self._frame = GridFrame((0.0, 0.0), CELL_M, (labels.shape[0], labels.shape[1]))
         self._hits, self._passes = (labels < 0).astype(np.int32), (labels > 0).astype(np.int32)
-        self._assumed = self._stood = np.zeros(labels.shape, bool)
+        self._assumed = self._stood = self._touched = np.zeros(labels.shape, bool)
         self._clearance_m = clearance_of(labels < 0, CELL_M)
 
 

@@ -37,6 +37,20 @@ def test_a_pair_cancels_what_both_share():
     assert (interval.mean, interval.half_width, interval.count) == (1.0, 0.0, 3)
 
 
+def test_pairs_of_one_scene_are_not_counted_as_independent():
+    first = {
+        (scene, seed): float(value) for scene, value in [("a", 1), ("b", 2), ("c", 3)] for seed in range(20)
+    }
+    interval = paired_difference(first, dict.fromkeys(first, 0.0))
+    assert interval.half_width == pytest.approx(mean_interval([1.0, 2.0, 3.0]).half_width)
+    assert interval.count == 60
+
+
+def test_values_of_a_single_cluster_are_independent():
+    values = [1.0, 2.0, 4.0]
+    assert mean_interval(values, clusters=["a"] * 3) == mean_interval(values)
+
+
 @pytest.mark.parametrize("confidence", [0.0, 1.0])
 def test_a_confidence_that_is_no_probability_is_refused(confidence):
     with pytest.raises(ValueError, match="`confidence` must be between 0 and 1"):

@@ -172,3 +172,18 @@ def test_episode_that_stopped_at_once_has_no_share():
 def test_cpu_time_is_shared_out_among_the_modules():
     assert module_shares_pct({"goal": 2.0, "other": 6.0, "total": 8.0}) == {"goal": 25.0, "other": 75.0}
     assert module_shares_pct({}) == {}
+
+
+def test_one_failure_is_that_of_the_last_goal_at_its_place():
+    x_m = straight(20)
+    goals = [(x_m[20], 0.0, 0), (x_m[20], 0.0, 20), (5.0, 0.0, 20)]
+    fates = goal_fates(walk(x_m, goals=goals, failures=[(x_m[20], 0.0, 20)]), 0.2, SETTINGS)
+    assert fates.is_failed.tolist() == [False, True, False]
+    assert fates.is_reached.tolist() == [True, False, False]
+
+
+@pytest.mark.parametrize("reason", ["wander", "look round", "random vertex"])
+def test_goal_that_promises_no_surface_breaks_no_promise(reason):
+    seen = np.zeros(21)
+    found = attribute(walk(straight(20), seen, goals=[(20 * STEP_M, 0.0, 0)], reasons=(reason,)), 0.2)
+    assert found.shares_pct["phantom_pct"] == 0.0

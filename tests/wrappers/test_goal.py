@@ -10,7 +10,7 @@ from anm_gym.actions import Action
 from anm_gym.envs.explore import ExploreEnv
 from anm_gym.geometry import pointgoal
 from anm_gym.mesh import TriangleMesh
-from anm_gym.wrappers.goal import Goal, GoalLimits, GoalWrapper
+from anm_gym.wrappers.goal import ALREADY_THERE, MAX_PROPOSALS, Goal, GoalLimits, GoalWrapper
 
 LIMITS = GoalLimits(arrival_m=0.2, timeout_steps=30, review_steps=7)
 START = (0.0, 0.5, 0.0)
@@ -75,6 +75,24 @@ def test_arrival_brings_the_next_goal(scripted: Callable[..., ScriptedGoals]) ->
     assert walk(env, 1)["goals_count"] == 2
     assert env.goal.position_xz.tolist() == [1.0, 1.0]
     assert env.failures == []
+
+
+def test_goal_at_which_the_agent_stands_is_passed_over(scripted: Callable[..., ScriptedGoals]) -> None:
+    env = scripted([goal(0.0, 0.6), goal(0.1, 0.5, 0.05), goal(0.0, 0.5, np.pi), goal(1.0, 1.0)])
+    env.reset(seed=0)
+    assert env.goal.heading_rad == np.pi
+    assert [failure.reason for failure in env.failures] == [ALREADY_THERE, ALREADY_THERE]
+    assert len(env.goals) == 3
+
+
+def test_source_that_never_leaves_the_spot_is_not_asked_for_ever(
+    scripted: Callable[..., ScriptedGoals],
+) -> None:
+    env = scripted([goal(0.0, 0.5)] * 50)
+    env.reset(seed=0)
+    assert env.goal.reason == "wander"
+    assert len(env.waiting) == 50 - MAX_PROPOSALS
+    assert not env.is_reached(env.goal)
 
 
 def test_goal_with_a_heading_is_reached_only_when_it_is_looked_at(

@@ -2,7 +2,7 @@
 
 import math
 from collections import defaultdict
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -49,6 +49,8 @@ class Table:
     """Best mean completion ratio first."""
     is_paired: bool
     """Whether every agent has the same scenes and seeds."""
+    commits: tuple[str, ...] = ()
+    """States of this code that played the episodes; unnamed where it was no checkout."""
 
     @property
     def steps(self) -> int:
@@ -85,7 +87,8 @@ def make_table(rows: Iterable[Row]) -> Table:
     lines = [_agent_line(agent, preset, group) for (agent, preset), group in groups.items()]
     lines.sort(key=lambda line: -_mean(line, "comp_pct"))
     episodes = {frozenset(_starts(group)) for group in groups.values()}
-    return Table(str(protocol), steps_by_scene, tuple(lines), is_paired=len(episodes) == 1)
+    commits = dict.fromkeys((row.get("versions") or {}).get("commit", "") for row in _good(all_rows))
+    return Table(str(protocol), steps_by_scene, tuple(lines), len(episodes) == 1, tuple(commits))
 
 
 def group_by_agent(rows: Iterable[Row]) -> dict[tuple[str, str], list[Row]]:
@@ -105,9 +108,10 @@ def with_oracle_share(rows: Iterable[Row]) -> list[Row]:
     return [_add_share(row, oracle.get((row["scene"], row["seed"]), math.nan)) for row in all_rows]
 
 
-def estimate(values: Sequence[float]) -> Interval | None:
-    """Mean and 95 % t-interval of the values that exist; None if there are none."""
-    interval = mean_interval(values)
+def estimate(rows: Sequence[Row], key: str) -> Interval | None:
+    """Mean of a measure, with a 95 % t-interval over scenes or over the seeds of one; None without values."""
+    values = [value_of(row, key) for row in rows]
+    interval = mean_interval(values, clusters=[row["scene"] for row in rows])
     return interval if interval.count else None
 
 
@@ -120,9 +124,9 @@ def paired_differences(rows: Iterable[Row], reference: str, key: str = "comp_pct
         key: The measure.
 
     Returns:
-        Mean difference to the reference by agent, with its 95 % t-interval.
+        Mean difference to the reference by agent, with its 95 % t-interval over scenes, or the seeds of one.
     """
-    values: dict[str, dict[Hashable, float]] = {
+    values: dict[str, dict[tuple[str, int], float]] = {
         agent_name(*names): {
             (row["scene"], row["seed"]): value_of(row, key) for row in group if not row.get("error")
         }
@@ -154,9 +158,7 @@ def _agent_line(agent: str, preset: str, rows: Sequence[Row]) -> AgentLine:
     good = _good(rows)
     settings_hash = _single(good, "settings_hash", agent_name(agent, preset)) or ""
     estimates = {
-        measure.key: found
-        for measure in ALL_MEASURES
-        if (found := estimate([value_of(row, measure.key) for row in good])) is not None
+        measure.key: found for measure in ALL_MEASURES if (found := estimate(good, measure.key)) is not None
     }
     scene, comp_pct = _worst_scene(good)
     return AgentLine(

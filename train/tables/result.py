@@ -14,7 +14,7 @@ from train.tables.comparison import (
     paired_differences,
     with_oracle_share,
 )
-from train.tables.measures import Measure, value_of
+from train.tables.measures import Measure
 from train.tables.published import PUBLISHED, Numbers
 from train.tables.rosters import TABLES, TableSpec
 from train.tables.run import TableRun
@@ -147,7 +147,7 @@ def _in_scene(result: TableResult, line: AgentLine, scene: str, key: str) -> Int
         if not row.get("error")
         and (row["agent"], row["preset"], row["scene"]) == (line.agent, line.preset, scene)
     ]
-    return estimate([value_of(row, key) for row in rows])
+    return estimate(rows, key)
 
 
 def _format_published(result: TableResult) -> str:

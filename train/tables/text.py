@@ -41,7 +41,8 @@ def format_table(table: Table, measures: Sequence[Measure] = MEASURES) -> str:
         ]
         for line in table.lines
     ]
-    title = f"protocol {table.protocol}, {table.budget}; mean ± 95 % confidence interval over episodes"
+    interval = "95 % confidence interval over scenes, or over the seeds of one"
+    title = f"protocol {table.protocol}, {table.budget}; mean ± {interval}"
     return "\n".join([title, *aligned(header, body), *notes(table)])
 
 
@@ -53,12 +54,15 @@ def aligned(header: Sequence[str], body: Sequence[Sequence[str]]) -> list[str]:
 
 
 def notes(table: Table) -> list[str]:
-    """Say what a reader of the table must know: failures and unequal episodes."""
+    """Say what a reader of the table must know: unequal episodes, states of the code, failures."""
     result = []
     if not table.is_paired:
         result.append(
             "note: the agents do not have the same scenes and seeds; their means are not comparable"
         )
+    if len(table.commits) > 1:
+        names = ", ".join(commit or "unnamed" for commit in table.commits)
+        result.append(f"note: the episodes were played by several states of the code: {names}")
     if any(line.failed for line in table.lines):
         result.append("note: failed episodes enter no mean; their errors are in the rows")
     return result

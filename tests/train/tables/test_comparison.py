@@ -16,25 +16,41 @@ def make_row(agent="fbe", scene="a", seed=0, comp_pct=50.0, **changes):
     return row | changes
 
 
+def rows_of(*values):
+    return [make_row(seed=seed, comp_pct=value) for seed, value in enumerate(values)]
+
+
+def test_interval_is_over_scenes_where_there_are_several():
+    values = {"a": (10.0, 12.0), "b": (40.0, 42.0), "c": (70.0, 72.0)}
+    rows = [
+        make_row(scene=scene, seed=i, comp_pct=v)
+        for scene, pair in values.items()
+        for i, v in enumerate(pair)
+    ]
+    result = estimate(rows, "comp_pct")
+    assert (result.mean, result.count) == (41.0, 6)
+    assert result.half_width == pytest.approx(4.302652729911275 * 30.0 / math.sqrt(3.0))
+
+
 def test_interval_of_three_values_matches_the_t_distribution():
-    result = estimate([1.0, 2.0, 3.0])
+    result = estimate(rows_of(1.0, 2.0, 3.0), "comp_pct")
     assert result.mean == 2.0
     assert result.half_width == pytest.approx(4.302652729911275 / math.sqrt(3.0))
 
 
 def test_interval_of_two_values_matches_the_t_distribution():
-    assert estimate([0.0, 2.0]).half_width == pytest.approx(12.706204736432095)
+    assert estimate(rows_of(0.0, 2.0), "comp_pct").half_width == pytest.approx(12.706204736432095)
 
 
 def test_single_value_has_no_interval():
-    result = estimate([4.0, math.nan])
+    result = estimate(rows_of(4.0, math.nan), "comp_pct")
     assert result.count == 1
     assert math.isnan(result.half_width)
     assert format_estimate(result, 1) == "4.0"
 
 
 def test_no_value_is_a_dash():
-    assert estimate([math.nan]) is None
+    assert estimate(rows_of(math.nan), "comp_pct") is None
     assert format_estimate(None, 1) == "–"
 
 
@@ -138,3 +154,9 @@ def test_json_of_the_table_is_plain():
     text = json.dumps(table_as_json(make_table([make_row()])), allow_nan=False)
     assert json.loads(text)["agents"][0]["mad_cm"] is None
     assert json.loads(text)["agents"][0]["comp_pct"] == {"mean": 50.0, "ci95_half_width": None, "episodes": 1}
+
+
+def test_rows_of_several_states_of_the_code_are_told_of():
+    rows = [make_row(seed=seed, versions={"commit": name}) for seed, name in enumerate(("abc", "abc", "def"))]
+    assert "several states of the code: abc, def" in format_table(make_table(rows))
+    assert "states" not in format_table(make_table(rows[:2]))
