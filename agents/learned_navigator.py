@@ -69,6 +69,8 @@ class DDPPONavigator(Navigator):
         self.policy_identity = WeightsIdentity(self._net.settings.at_work(), weights_digest([self._net]))
         self._planner = PlannerNavigator(env, seed=seed) if self.settings.hands_over else None
         super().__init__(env, seed)
+        if self._planner is not None:
+            self._planner.stopwatch = self.stopwatch
 
     def _forget(self) -> None:
         forward_step_m, self._turn_step_rad = self.env.step_sizes
@@ -90,7 +92,7 @@ class DDPPONavigator(Navigator):
             self._take_up(self.env.goal)
         with self.stopwatch("plan"):
             shown = self._look(observation)
-            action = self._planned(observation) if self._is_handed_over else self._learned(shown)
+        action = self._planned(observation) if self._is_handed_over else self._learned(shown)
         self._observer.note(np.array([int(action)]))
         return action
 
@@ -129,6 +131,10 @@ class DDPPONavigator(Navigator):
         return self._observer.observe(depth.reshape(-1, *depth.shape[-3:])[-1:], self._pose, goal[None])
 
     def _learned(self, shown: dict[str, Any]) -> Action:
+        with self.stopwatch("plan"):
+            return self._move(shown)
+
+    def _move(self, shown: dict[str, Any]) -> Action:
         goal = self.env.goal
         if self._distance_m(goal.position_xz) <= self.env.limits.arrival_m:
             error_rad = self._heading_error_rad(goal)
@@ -146,6 +152,7 @@ class DDPPONavigator(Navigator):
         return allowed
 
     def _planned(self, observation: Any) -> Action:
+        """Ask the planner, on whose own clock it runs: what it reports is the goals' time."""
         assert self._planner is not None, "only the planner is handed goals"
         action, _ = self._planner.predict(observation)
         return Action(int(np.ravel(action)[0]))

@@ -8,6 +8,7 @@ import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
+from anm_gym.checks import check_at_least, check_choices
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.map.reach import ReachableSpace, ReachSettings, reachable_space
 from anm_gym.map.unseen_volume import UnseenByCell, UnseenSettings, unseen_by_cell, unseen_volume
@@ -47,6 +48,11 @@ class NbvSettings:
     """A view under way is kept while it has this share of the best one's utility."""
     failure_radius_m: float = 0.4
     """Places this close to one that failed are left out, metres."""
+
+    def __post_init__(self) -> None:
+        check_choices(self)
+        check_at_least(self, 1, "num_places")
+        check_at_least(self, 0.0, "fixed_cost_steps", "decay_per_m", "min_gain_m3")
 
 
 PRESETS: Final = {

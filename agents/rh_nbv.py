@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from agents.nbv import REASON, UnseenViews
 from agents.view_tree import Look, LookSettings, ViewTree, best_looks, grow_view_tree
+from anm_gym.checks import check_at_least
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.map.reach import ReachableSpace, ReachSettings, reachable_space
 from anm_gym.map.unseen_volume import UnseenSettings
@@ -43,6 +44,10 @@ class RhNbvSettings:
     """Points drawn at most: the tree is grown larger while no look shows anything."""
     review_share: float = 0.3
     """A branch that shows less than this share of what it promised is given up."""
+
+    def __post_init__(self) -> None:
+        check_at_least(self, self.tree.iterations, "max_iterations")
+        check_at_least(self, 0.0, "review_share")
 
 
 PRESETS: Final = {

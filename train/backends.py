@@ -79,9 +79,14 @@ def _run_on_dask(
     from joblib import Parallel, delayed, parallel_config
 
     with _dask_client(distributed, backend) as client:
-        threads = sum(client.nthreads().values())
-        if threads < 2:  # joblib would play in this process
-            raise BackendError(f"the dask cluster must have at least 2 threads, got {threads}; add workers")
+        threads = list(client.nthreads().values())
+        if len(threads) < 2:  # joblib would play in this process
+            raise BackendError(f"the dask cluster must have at least 2 workers, got {len(threads)}")
+        if max(threads) > 1:  # episodes in one process would be charged each other's CPU time
+            raise BackendError(
+                f"each worker of the dask cluster must have one thread, got {max(threads)}; "
+                "start `dask worker` with --nthreads 1, and more of them"
+            )
         with parallel_config(backend="dask"):  # left before the first result: joblib's default stays
             pool = Parallel(n_jobs=-1, return_as="generator_unordered", batch_size=1)
         yield from pool(delayed(_play_one)(play, job) for job in jobs)
@@ -94,7 +99,7 @@ def _dask_client(distributed: Any, backend: Backend) -> Any:
     address = backend.options.get("address") or dask.config.get("scheduler-address", None)
     chosen = dict(backend.options)
     if address is None:
-        chosen |= {"n_workers": backend.workers, "threads_per_worker": 1, "dashboard_address": None}
+        chosen = {"n_workers": backend.workers, "threads_per_worker": 1, "dashboard_address": None} | chosen
     try:
         return distributed.Client(**chosen)
     except (OSError, TimeoutError) as error:

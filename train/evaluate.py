@@ -3,29 +3,22 @@
 Command: ``python -m train.evaluate --agents random,fbe,anm --scenes home:flat:1 --seeds 3``.
 """
 
-import json
-import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from jsonargparse import ActionYesNo, ArgumentParser
-from tqdm import tqdm
 
-from train.backends import BACKENDS, Backend, run_on
+from train.backends import Backend
 from train.command import parse_seeds, run_command, scene_label, split_list
 from train.episodes import Job, play, split_agent
+from train.play import DEFAULT_BACKEND, add_backend_options, backend_of, play_missing, report_failures
+from train.provenance import versions
 from train.report import write_report
-from train.results import MAP_LEFT_OUT, Row, append_row, finished_keys, read_rows, row_key
+from train.results import Row, write_json
 from train.tables.comparison import make_table
-from train.tables.measures import agent_name
 from train.tables.text import format_table, table_as_json
-
-ROWS_FILE: Final = "rows.jsonl"
-"""Name of the rows' file in the run's folder."""
-DEFAULT_BACKEND: Final = Backend()
-"""Two processes here."""
 
 
 @dataclass(frozen=True)
@@ -95,36 +88,6 @@ def evaluate(
     return play_missing(evaluation.jobs(), evaluation.out, backend, play)
 
 
-def play_missing(
-    jobs: Sequence[Job],
-    out: Path,
-    backend: Backend = DEFAULT_BACKEND,
-    play: Callable[[Job], Row] = play,
-) -> list[Row]:
-    """Play the jobs that have no row in a run's folder yet and append theirs.
-
-    Args:
-        jobs: The episodes; one whose map is to be scored is played again if that was left out.
-        out: The run's folder.
-        backend: Where to play.
-        play: Plays one job and returns its row.
-
-    Returns:
-        The rows of exactly these jobs, in their order.
-    """
-    path = out / ROWS_FILE
-    rows = read_rows(path)
-    finished, scored = finished_keys(rows), finished_keys(row for row in rows if not row.get(MAP_LEFT_OUT))
-    missing = [job for job in jobs if job.key not in (scored if job.with_maps else finished)]
-    bar = tqdm(total=len(jobs), initial=len(jobs) - len(missing), unit="episode", smoothing=0.1)
-    with bar:
-        for job, row in run_on(backend, play, missing):
-            append_row(path, row)
-            bar.set_postfix_str(f"{job.name}: {_outcome(row)}")
-            bar.update()
-    return _rows_of(jobs, read_rows(path))
-
-
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command."""
     options = _parser().parse_args(arguments)
@@ -143,48 +106,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     table = make_table(rows)
     print(format_table(table))
     if options.json:
-        Path(options.json).write_text(json.dumps(table_as_json(table), indent=2) + "\n", encoding="utf-8")
+        write_json(Path(options.json), table_as_json(table))
     print(f"report: {write_report(evaluation.out, rows, evaluation.out.name)}")
     report_failures(rows)
 
 
-def add_backend_options(parser: ArgumentParser) -> None:
-    """Let a command choose where its episodes are played."""
-    add = parser.add_argument
-    add("--workers", type=int, default=2, help="processes, one thread each; 0 stays in this process")
-    add("--backend", choices=BACKENDS, default="loky", help="processes here, a dask cluster, or Slurm")
-    add("--backend-options", type=dict | None, default=None, help="options of dask's client or of submitit")
-
-
-def backend_of(options: Any, out: Path) -> Backend:
-    """Read what `add_backend_options` added."""
-    return Backend(options.backend, options.workers, options.backend_options or {}, out.resolve() / "slurm")
-
-
 def write_settings(evaluation: Evaluation) -> None:
     """Leave the run's own settings beside its rows."""
-    evaluation.out.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(asdict(evaluation), indent=2, default=str)
-    (evaluation.out / "settings.json").write_text(text + "\n", encoding="utf-8")
-
-
-def _rows_of(jobs: Iterable[Job], rows: Iterable[Row]) -> list[Row]:
-    by_key = {row_key(row): row for row in rows}
-    return [by_key[job.key] for job in jobs if job.key in by_key]
-
-
-def report_failures(rows: Iterable[Row]) -> None:
-    """Name the episodes that raised; exit code 1 if there are any."""
-    failed = [row for row in rows if row.get("error")]
-    for row in failed:
-        name = agent_name(row["agent"], row["preset"])
-        print(f"failed: {name} in {row['scene']}, seed {row['seed']}: {_outcome(row)}", file=sys.stderr)
-    if failed:
-        sys.exit(1)
-
-
-def _outcome(row: Row) -> str:
-    return row["error"].splitlines()[0] if row.get("error") else f"{row['comp_pct']:.1f} %"
+    write_json(evaluation.out / "settings.json", {**asdict(evaluation), "versions": versions()})
 
 
 def _parser() -> ArgumentParser:

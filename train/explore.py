@@ -23,7 +23,7 @@ from train.pool import prepare_worker
 from train.provenance import versions
 from train.reconstruction import CUT_ABOVE_FLOOR_M, dollhouse_picture, save_ply
 from train.recorder import Progress, find_attribute
-from train.results import Row
+from train.results import Row, write_json
 from train.tables.measures import MEASURES, OFFICIAL_MEASURES, agent_name, value_of
 
 
@@ -101,8 +101,8 @@ def _write_settings(job: Job, episode: Episode) -> None:
         "settings": episode.settings,
         "versions": versions(),
     }
-    (job.out / "settings.json").write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-    (job.out / "row.json").write_text(json.dumps(episode.row, indent=2) + "\n", encoding="utf-8")
+    write_json(job.out / "settings.json", content)
+    write_json(job.out / "row.json", episode.row)
 
 
 def _write_map(job: Job, episode: Episode) -> TriangleMesh | None:

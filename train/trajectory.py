@@ -2,10 +2,12 @@
 
 import json
 import os
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,17 +84,18 @@ class Trajectory:
             ValueError: If the file is not a saved trajectory.
         """
         try:
-            with np.load(path, allow_pickle=False) as file:
+            with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
                 arrays = {name: file[name] for name in file.files}
-            header = json.loads(str(arrays.pop("header")))
-        except (KeyError, ValueError, EOFError) as error:
-            raise ValueError(f"{path} must be a trajectory.npz of `train.explore`, got {error}") from error
-        curves = {name.removeprefix("curve_"): arrays[name] for name in arrays if name.startswith("curve_")}
-        return cls(
-            **header,
-            actions=arrays["actions"],
-            poses=arrays["poses"],
-            goals=arrays["goals"],
-            curves=curves,
-            failures=arrays.get("failures", np.zeros((0, 3))),
-        )
+            curves = {
+                name.removeprefix("curve_"): arrays[name] for name in arrays if name.startswith("curve_")
+            }
+            return cls(
+                **json.loads(str(arrays.pop("header"))),
+                actions=arrays["actions"],
+                poses=arrays["poses"],
+                goals=arrays["goals"],
+                curves=curves,
+                failures=arrays.get("failures", np.zeros((0, 3))),
+            )
+        except (KeyError, TypeError, ValueError, EOFError, BadZipFile, zlib.error) as error:
+            raise ValueError(f"{path} must be a trajectory.npz of `train.explore`, got {error!r}") from error

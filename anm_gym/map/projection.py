@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from anm_gym.checks import check_choices
 from anm_gym.geometry import CameraSpec
 from anm_gym.map.occupancy import LEVEL_TOLERANCE
 from anm_gym.sim.grid import GridFrame
@@ -55,6 +56,7 @@ class ProjectionSettings:
     """Rows and columns of the image that are looked at, at most."""
 
     def __post_init__(self) -> None:
+        check_choices(self)
         if not 0.0 <= self.min_depth_m < self.max_depth_m:
             raise ValueError(
                 f"`min_depth_m` must be in [0, max_depth_m), got {self.min_depth_m} of {self.max_depth_m}"

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from anm_gym.checks import check_at_least, check_positive
 from anm_gym.map.occupancy import OccupancyGrid
 from anm_gym.sim.geodesic import GridGraph, nearest_free_cell
 from anm_gym.sim.grid import GridFrame
@@ -29,6 +30,11 @@ class ReachSettings:
     """Factor on the length of a path that touches obstacles, 1 where there is comfort."""
     through_unknown: bool = False
     """Count unknown cells as passable, at `tightness_cost`."""
+
+    def __post_init__(self) -> None:
+        check_positive(self, "radius_m", "tight_radius_m", "comfort_m")
+        check_at_least(self, 0.0, "pocket_m2")
+        check_at_least(self, 1.0, "tightness_cost")
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,6 +5,8 @@ from hashlib import sha256
 from json import dumps
 from typing import Literal
 
+from anm_gym.checks import check_at_least, check_choices, check_positive
+
 DistanceTarget = Literal["ray", "normal", "batch", "cloud"]
 KeyframeTest = Literal["render", "surface"]
 PerturbationFamily = Literal["unit_norm", "delta_norm", "delta_weight", "laplace", "dropout"]
@@ -71,6 +73,8 @@ class FieldSettings:
     family; the paper's ablation has 0.05."""
 
     def __post_init__(self) -> None:
+        check_choices(self)
+        check_positive(self, "point_scale_per_m", "softplus_beta", "output_scale")
         if not 0.0 <= self.dropout < 1.0:
             raise ValueError(f"`dropout` must be in [0, 1), got {self.dropout}")
         if self.hidden_layers < 4 or self.hidden_layers % 2:
@@ -114,6 +118,7 @@ class SamplingSettings:
     """Draw replayed keyframes in proportion to their last loss (iSDF), uniformly, or none at all."""
 
     def __post_init__(self) -> None:
+        check_choices(self)
         if self.window_frames < 3:
             raise ValueError(f"`window_frames` must be >= 3, got {self.window_frames}")
         if self.rays_per_frame < 1 or self.stratified < 0 or self.near_surface < 1:
@@ -161,6 +166,7 @@ class LossSettings:
     """Share of the points that enter the two gradient terms (ours: less is faster)."""
 
     def __post_init__(self) -> None:
+        check_choices(self)
         if not 0.0 < self.gradient_share <= 1.0:
             raise ValueError(f"`gradient_share` must be in (0, 1], got {self.gradient_share}")
         if not 0.0 < self.network_share <= 1.0:
@@ -192,6 +198,11 @@ class ScheduleSettings:
     bfloat16: bool = False
     """Matrix products in bfloat16 (ours)."""
 
+    def __post_init__(self) -> None:
+        check_at_least(self, 0, "first_iterations", "iterations", "keyframe_iterations")
+        check_at_least(self, 0.0, "weight_decay", "output_noise", "keyframe_output_noise")
+        check_positive(self, "learning_rate")
+
 
 @dataclass(frozen=True)
 class KeyframeSettings:
@@ -211,6 +222,11 @@ class KeyframeSettings:
     """Relative depth error under which a ray counts as explained."""
     max_interval: int = 100
     """Frames after which a keyframe is forced."""
+
+    def __post_init__(self) -> None:
+        check_choices(self)
+        check_at_least(self, 1, "rays", "max_interval")
+        check_positive(self, "relative_error")
 
 
 @dataclass(frozen=True)
@@ -234,6 +250,11 @@ class VariabilitySettings:
     """Standard deviation of an observation about the network's prediction, metres (Laplace family)."""
     evidence_points: int = 4096
     """Replayed surface points that the Laplace posterior is fitted to."""
+
+    def __post_init__(self) -> None:
+        check_choices(self)
+        check_at_least(self, 1, "draws", "evidence_points")
+        check_positive(self, "prior_precision", "noise_m")
 
 
 @dataclass(frozen=True)

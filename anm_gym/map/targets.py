@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from anm_gym.checks import check_at_least, check_choices, check_positive
 from anm_gym.map.neural_map import NeuralMap
 from anm_gym.map.zero_crossings import EMPTY, Lattice, ZeroCrossings, extract_zero_crossings
 
@@ -49,6 +50,11 @@ class TargetSettings:
     """Length below the camera that must be free at a view, metres."""
     local_horizon: bool = True
     """Prefer views inside the box of what the camera sees now."""
+
+    def __post_init__(self) -> None:
+        check_choices(self)
+        check_at_least(self, 2, "resolution")
+        check_positive(self, "crop_m", "keep_share", "offset_m")
 
 
 @dataclass(frozen=True)

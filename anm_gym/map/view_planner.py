@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from anm_gym.checks import check_at_least, check_positive
 from anm_gym.map.cloud import SurfaceCloud
 from anm_gym.map.neural_map import NeuralMap
 from anm_gym.map.reach import ReachableSpace, ReachSettings, reachable_space
@@ -60,6 +61,10 @@ class PlannerSettings:
     arrival, or else a view that shows nothing may be reached and chosen again without a step."""
     taken_angle_deg: float = 10.0
     """How far the directions of such views may differ, degrees."""
+
+    def __post_init__(self) -> None:
+        check_positive(self, "place_spacing_m")
+        check_at_least(self, 0.0, "unseen_worth", "failure_radius_m", "taken_radius_m", "taken_angle_deg")
 
     def for_steps(self, forward_step_m: float, turn_step_rad: float) -> "PlannerSettings":
         """The same for an agent with other steps."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anm_gym.actions import FORWARD_STEP_M, TURN_STEP_DEG
+from anm_gym.checks import check_at_least, check_positive
 from anm_gym.geometry import CameraSpec, camera_pose
 from anm_gym.map.volume import ObservedVolume
 
@@ -40,6 +41,12 @@ class ViewSettings:
     """Length of the agent's forward step, metres; goal wrappers set it to that of the environment."""
     turn_step_rad: float = float(np.deg2rad(TURN_STEP_DEG))
     """Angle of its turn, radians; likewise."""
+
+    def __post_init__(self) -> None:
+        check_positive(
+            self, "max_range_m", "ray_step_m", "unknown_decay_m", "forward_step_m", "turn_step_rad"
+        )
+        check_at_least(self, 1, "max_points", "max_places", "num_headings")
 
 
 @dataclass(frozen=True)

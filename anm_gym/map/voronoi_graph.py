@@ -10,6 +10,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from skimage.morphology import skeletonize
 
+from anm_gym.checks import check_at_least, check_positive
 from anm_gym.map.occupancy import OccupancyGrid
 from anm_gym.sim.geodesic import STEPS, nearest_free_cell
 from anm_gym.sim.grid import GridFrame
@@ -33,6 +34,10 @@ class VoronoiSettings:
     """Junctions and dead ends closer than this to another are dropped, metres."""
     spacing_m: float = 1.0
     """No cell of a way is farther than this from a vertex, metres; infinite keeps junctions and dead ends."""
+
+    def __post_init__(self) -> None:
+        check_positive(self, "radius_m", "spacing_m")
+        check_at_least(self, 0.0, "speck_m2", "spur_m", "junction_gap_m")
 
 
 @dataclass(frozen=True, eq=False)

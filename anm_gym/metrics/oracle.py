@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from anm_gym.actions import FORWARD_STEP_M, TURN_STEP_DEG
+from anm_gym.checks import check_at_least, check_positive
 from anm_gym.geometry import CameraSpec
 from anm_gym.metrics.completion import THRESHOLD_M
 from anm_gym.metrics.depth_view import depth_view
@@ -41,6 +42,11 @@ class OracleSettings:
     """Changes that are tried at each later decision."""
     tour_stride: int = 4
     """Tours count every n-th word of 64 samples."""
+
+    def __post_init__(self) -> None:
+        check_positive(self, "forward_step_m", "turn_step_rad")
+        check_at_least(self, 1, "horizon_steps", "num_refined", "tour_stride")
+        check_at_least(self, 0, "overhead_steps", "first_trials", "later_trials")
 
 
 @dataclass(frozen=True, eq=False)

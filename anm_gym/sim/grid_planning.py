@@ -10,6 +10,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from anm_gym.checks import check_choices
 from anm_gym.sim.geodesic import GridGraph
 
 CONVERGED_CELLS: Final = 1e-3
@@ -111,6 +112,7 @@ class RrtSettings:
     """Half the edge of that square, metres."""
 
     def __post_init__(self) -> None:
+        check_choices(self)
         if self.iterations < 1:
             raise ValueError(f"`iterations` must be >= 1, got {self.iterations}")
         if min(self.extension_m, self.neighbour_m, self.shrink_m, self.window_m) <= 0.0:

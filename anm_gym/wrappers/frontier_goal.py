@@ -8,6 +8,7 @@ import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
+from anm_gym.checks import check_choices
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.geometry import heading_towards, wrap_angle
 from anm_gym.map.frontier import Frontier, find_frontiers
@@ -46,6 +47,7 @@ class FrontierSettings:
     """Where frontiers are searched: in what was seen, or in the map of the `source` that is handed over."""
 
     def __post_init__(self) -> None:
+        check_choices(self)
         if self.map_source == "predicted" and self.only_reachable:
             raise ValueError("`only_reachable` must be False with `map_source` predicted, got True")
 

@@ -14,6 +14,7 @@ from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from anm_gym.checks import check_at_least, check_positive
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.geometry import heading_of, pointgoal, wrap_angle
 from anm_gym.map.occupancy import OccupancyGrid
@@ -52,6 +53,10 @@ class GoalLimits:
     """Steps after which a goal is given up."""
     review_steps: int = 10
     """Steps between two reviews of a goal that is being approached."""
+
+    def __post_init__(self) -> None:
+        check_positive(self, "arrival_m", "arrival_deg")
+        check_at_least(self, 1, "timeout_steps", "review_steps")
 
 
 class GoalWrapper(

@@ -7,6 +7,7 @@ import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
+from anm_gym.checks import check_at_least
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.map.neural_map import NeuralMap
 from anm_gym.map.targets import (
@@ -83,7 +84,10 @@ class VariabilityGoalWrapper(GoalWrapper):
             raise ValueError("`env` must have a neural map; wrap it in NeuralMapWrapper first")
         self.targets = targets or CLUSTER_PRESETS.get(base)
         self.planning = planning or PlannerSettings()
-        super().__init__(env, limits=CLUSTER_LIMITS if self.targets else VIEW_LIMITS, seed=seed)
+        limits = CLUSTER_LIMITS if self.targets else VIEW_LIMITS
+        if not self.targets:
+            check_at_least(self.planning, limits.arrival_m, "taken_radius_m")
+        super().__init__(env, limits=limits, seed=seed)
 
     def _begin_episode(self) -> None:
         self._view: View | None = None

@@ -1,9 +1,17 @@
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from anm_gym.map.presets import map_settings
-from anm_gym.map.settings import LossSettings, SamplingSettings
+from anm_gym.map.settings import (
+    FieldSettings,
+    KeyframeSettings,
+    LossSettings,
+    SamplingSettings,
+    ScheduleSettings,
+    VariabilitySettings,
+)
 
 
 def test_hash_names_the_effective_settings() -> None:
@@ -30,3 +38,21 @@ def test_bad_settings_are_refused() -> None:
         LossSettings(gradient_share=0.0)
     with pytest.raises(ValueError, match=r"`network_share` must be in \(0, 1\], got 2"):
         LossSettings(network_share=2.0)
+
+
+@pytest.mark.parametrize(
+    ("settings", "change"),
+    [
+        (VariabilitySettings, {"family": "lapalce"}),
+        (VariabilitySettings, {"draws": 0}),
+        (LossSettings, {"distance_target": "clowd"}),
+        (KeyframeSettings, {"test": "surfce"}),
+        (SamplingSettings, {"replay": "loss"}),
+        (FieldSettings, {"activation": "tanh"}),
+        (ScheduleSettings, {"learning_rate": 0.0}),
+        (ScheduleSettings, {"iterations": -1}),
+    ],
+)
+def test_settings_that_would_run_something_else_are_refused(settings: Any, change: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=f"`{next(iter(change))}` must be"):
+        settings(**change)

@@ -48,10 +48,20 @@ def test_dask_scheduler_of_the_user_is_used(square):
 
 
 @pytest.mark.needs_dask
-def test_cluster_of_one_thread_is_refused(square):
+def test_cluster_of_one_worker_is_refused(square):
     """On such a cluster joblib would play in this process without a word."""
-    with pytest.raises(BackendError, match="must have at least 2 threads, got 1"):
+    with pytest.raises(BackendError, match="must have at least 2 workers, got 1"):
         results_of(Backend("dask", 1, {"processes": False}), square, [1])
+
+
+@pytest.mark.needs_dask
+def test_workers_that_play_two_episodes_at_once_are_refused(square):
+    """Each episode would be charged the other's CPU time."""
+    backend = Backend("dask", 2, {"processes": False, "threads_per_worker": 2})
+    with pytest.raises(
+        BackendError, match="must have one thread, got 2; start `dask worker` with --nthreads 1"
+    ):
+        results_of(backend, square, [1])
 
 
 @pytest.mark.needs_dask

@@ -13,7 +13,8 @@ from pathlib import Path
 import pytest
 
 from train.backends import Backend
-from train.evaluate import ROWS_FILE, Evaluation, evaluate, main
+from train.evaluate import Evaluation, evaluate, main
+from train.play import ROWS_FILE
 from train.results import append_row, read_rows
 
 ROOT = Path(__file__).parents[2]

@@ -67,3 +67,18 @@ def test_pickled_objects_are_refused(tmp_path):
     np.savez(path, header=np.array({"scene": "a"}, dtype=object))
     with pytest.raises(ValueError, match=r"must be a trajectory\.npz"):
         Trajectory.load(path)
+
+
+def test_truncated_file_is_refused_by_name(tmp_path):
+    path = tmp_path / "trajectory.npz"
+    make_trajectory(np.random.default_rng(0)).save(path)
+    path.write_bytes(path.read_bytes()[:-40])
+    with pytest.raises(ValueError, match=r"must be a trajectory\.npz"):
+        Trajectory.load(path)
+
+
+def test_file_without_poses_is_refused_by_name(tmp_path):
+    path = tmp_path / "trajectory.npz"
+    np.savez(path, header=np.array("{}"))
+    with pytest.raises(ValueError, match=r"must be a trajectory\.npz"):
+        Trajectory.load(path)

@@ -13,8 +13,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from train.evaluate import ROWS_FILE
 from train.figures.map_probe import Numbers
+from train.play import ROWS_FILE
 from train.plots import MIN_BAND_CURVES, PALETTE, Band, Curve, figure, mean_band
 from train.provenance import versions
 from train.report import load_curves

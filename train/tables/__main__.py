@@ -14,7 +14,7 @@ from jsonargparse import ActionYesNo, ArgumentParser
 from anm_gym.scenes.datasets import ROOT_VARIABLE
 from train.command import parse_seeds, run_command, split_list
 from train.episodes import split_agent
-from train.evaluate import add_backend_options, backend_of, report_failures
+from train.play import add_backend_options, backend_of, report_failures
 from train.protocols import PROTOCOLS, Protocol, open_protocol
 from train.report import write_report
 from train.results import Row, write_json
@@ -80,7 +80,7 @@ def _run_of(options: Any, agents: Sequence[str]) -> TableRun:
     seeds = parse_seeds(options.seeds or str(DEFAULT_SEEDS))
     if options.quick and not options.seeds:
         seeds = list(QUICK_SEEDS[options.table])
-    # Another budget has a folder of its own: trajectories are not named after it.
+    # Another budget has a folder of its own: its rows cannot be compared with these.
     name = f"{protocol.base}-quick" if options.quick else protocol.name
     return TableRun(
         agents,

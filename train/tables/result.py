@@ -157,7 +157,7 @@ def _format_published(result: TableResult) -> str:
         [name, *(f"{values[measure.key]:.2f}" for measure in columns)]
         for name, values in result.published.items()
     ]
-    title = "as published: one run for each scene, from starts that are not known"
+    title = "as published: one run for each scene, from starts that are not known; over all storeys of a mesh"
     return "\n".join([title, *aligned(header, body)])
 
 

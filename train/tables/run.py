@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from train.backends import Backend
 from train.episodes import Job, split_agent
-from train.evaluate import play_missing
+from train.play import play_missing
 from train.protocols import Protocol
 from train.provenance import versions
 from train.results import Row, write_json

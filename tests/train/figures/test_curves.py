@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from train.evaluate import ROWS_FILE
 from train.figures.__main__ import main
 from train.figures.curves import gather_curves
+from train.play import ROWS_FILE
 from train.results import append_row
 from train.trajectory import Trajectory
 

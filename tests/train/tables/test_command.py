@@ -5,7 +5,7 @@ import json
 import pytest
 
 from train.backends import Backend
-from train.evaluate import ROWS_FILE
+from train.play import ROWS_FILE
 from train.protocols import Protocol, ProtocolScene
 from train.results import append_row, read_rows
 from train.tables.__main__ import main, play_command

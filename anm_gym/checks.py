@@ -1,0 +1,46 @@
+"""Checks that settings share: a misspelled choice must not run something else."""
+
+from dataclasses import fields
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+
+def check_choices(settings: Any) -> None:
+    """Refuse settings with a value that is none of those its field allows.
+
+    Args:
+        settings: A dataclass; fields of type `Literal` are checked.
+
+    Raises:
+        ValueError: If there is such a value; the message lists the choices.
+    """
+    hints = get_type_hints(type(settings))
+    for field in fields(settings):
+        value, hint = getattr(settings, field.name), hints[field.name]
+        if get_origin(hint) is Literal and value not in get_args(hint):
+            choices = ", ".join(map(str, get_args(hint)))
+            raise ValueError(f"`{field.name}` must be one of {choices}, got {value!r}")
+
+
+def check_at_least(settings: Any, low: float, *names: str) -> None:
+    """Refuse settings with a number below a bound, or none at all.
+
+    Args:
+        settings: Any object.
+        low: The bound.
+        names: Attributes to be checked.
+
+    Raises:
+        ValueError: If one of them is less than the bound or not a number.
+    """
+    for name in names:
+        value = getattr(settings, name)
+        if not value >= low:
+            raise ValueError(f"`{name}` must be >= {low:g}, got {value}")
+
+
+def check_positive(settings: Any, *names: str) -> None:
+    """Refuse settings with a number that is not more than 0; see `check_at_least`."""
+    for name in names:
+        value = getattr(settings, name)
+        if not value > 0.0:
+            raise ValueError(f"`{name}` must be > 0, got {value}")
