@@ -187,11 +187,8 @@ class NbvGoalWrapper(GoalWrapper):
         if len(cells) > self.settings.num_places:
             cells = cells[self.rng.choice(len(cells), self.settings.num_places, replace=False)]
         positions, costs = space.frame.centers_of(cells), space.cost_m[cells[:, 0], cells[:, 1]]
-        failed = np.array([goal.position_xz for goal in self.failures]).reshape(-1, 2)
-        if len(failed):
-            gaps = np.linalg.norm(positions[:, None] - failed[None], axis=2).min(axis=1)
-            far = gaps > self.settings.failure_radius_m
-            positions, costs = positions[far], costs[far]
+        far = ~self.near_failure(positions, self.settings.failure_radius_m)
+        positions, costs = positions[far], costs[far]
         first_costs = [space.cost_to(place, 0.4) for place in first[:-1]] + [0.0]
         return np.concatenate([first, positions]), np.concatenate([first_costs, costs])
 

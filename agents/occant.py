@@ -177,12 +177,6 @@ class OccAntGoalWrapper(GoalWrapper):
             )
             assert near is not None  # the agent's own place is reachable
             place_xz = space.frame.centers_of(near)[0]
-            if not self._has_failed(place_xz):
+            if not self.near_failure(place_xz, self.settings.blacklist_m, RECENT_FAILURES).any():
                 return Goal(place_xz, None, "policy")
         return None
-
-    def _has_failed(self, place_xz: NDArray[np.float64]) -> bool:
-        return any(
-            np.linalg.norm(place_xz - failure.position_xz) < self.settings.blacklist_m
-            for failure in self.failures[-RECENT_FAILURES:]
-        )

@@ -67,15 +67,10 @@ class RandomVertexGoalWrapper(GoalWrapper):
         graph = voronoi_graph(self.occupancy, self.position_xz, self.settings.graph)
         if graph is None:
             return None
-        goals = [Goal(position, None, REASON) for position in graph.positions_xz]
-        goals = [goal for goal in goals if not self.is_reached(goal) and not self._has_failed(goal)]
+        near = self.near_failure(graph.positions_xz, self.settings.failure_radius_m)
+        goals = [Goal(position, None, REASON) for position in graph.positions_xz[~near]]
+        goals = [goal for goal in goals if not self.is_reached(goal)]
         return goals[int(self.rng.integers(len(goals)))] if goals else None
 
     def _review_goal(self, goal: Goal) -> Goal | None:
         return goal
-
-    def _has_failed(self, goal: Goal) -> bool:
-        return any(
-            np.linalg.norm(goal.position_xz - failure.position_xz) < self.settings.failure_radius_m
-            for failure in self.failures
-        )

@@ -162,7 +162,7 @@ class UpenGoalWrapper(GoalWrapper):
         tree = grow_tree(self._blocked(), frame.cell_m, start, settings.tree, self.rng)
         ends = candidates(tree, settings.paths)
         places = tree.nodes[:, ::-1] * frame.cell_m + frame.origin_xz
-        ends = ends[self._is_allowed(places[ends])]
+        ends = ends[~self.near_failure(places[ends], settings.blacklist_m)]
         if len(ends) == 0:
             return None
         scores = node_scores(tree, self._map.members, settings.paths)
@@ -175,11 +175,3 @@ class UpenGoalWrapper(GoalWrapper):
             return occupied
         distance = ndimage.distance_transform_edt(~occupied)
         return np.asarray(distance * self._map.frame.cell_m <= self.settings.clearance_m)
-
-    def _is_allowed(self, places_xz: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """(N,): no goal failed nearby."""
-        allowed = np.ones(len(places_xz), bool)
-        for failure in self.failures:
-            gap = np.linalg.norm(places_xz - failure.position_xz, axis=1)
-            allowed &= gap >= self.settings.blacklist_m
-        return allowed

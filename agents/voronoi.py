@@ -154,7 +154,7 @@ class VoronoiGoalWrapper(GoalWrapper):
         )
         gains[self._planner.taken.among(positions, gains.shape[1])] = 0.0
         gains[gains < self.settings.min_gain] = 0.0
-        gains[self._has_failed(positions)] = 0.0
+        gains[self.near_failure(positions, planning.failure_radius_m)] = 0.0
         return _Views(positions, lengths_m, gains)
 
     def _places(
@@ -203,8 +203,9 @@ class VoronoiGoalWrapper(GoalWrapper):
         positions, settings = views.positions_xz[:-1], self.settings
         gaps = np.linalg.norm(positions[:, None] - np.stack(self._trail_xz)[None], axis=2).min(axis=1)
         is_far = views.lengths_m[:-1] > settings.deferred_m
+        failed = self.near_failure(positions, settings.planning.failure_radius_m)
         score = 3 * (gaps > settings.visited_m) + 2 * self._in_horizon(positions)
-        score = score + (views.gains[:-1].max(axis=1) > 0.0) - 6 * self._has_failed(positions) - 12 * is_far
+        score = score + (views.gains[:-1].max(axis=1) > 0.0) - 6 * failed - 12 * is_far
         reached = np.array([self.is_reached(Goal(place, None, "")) for place in positions])
         if reached.all():
             return None
@@ -218,12 +219,6 @@ class VoronoiGoalWrapper(GoalWrapper):
         cells = (np.concatenate([positions, self.position_xz[None]]) - grid.frame.origin_xz) / grid.cell_m
         is_near = np.linalg.norm(positions - self.position_xz, axis=1) <= self.settings.horizon_m
         return np.asarray(is_near & line_is_free(grid.occupied, cells[:-1, ::-1], cells[-1, ::-1]))
-
-    def _has_failed(self, positions: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """(P,) which places are close to a goal that failed."""
-        failed = np.array([goal.position_xz for goal in self.failures]).reshape(-1, 1, 2)
-        gaps = np.linalg.norm(positions[None] - failed, axis=2)
-        return np.asarray((gaps < self.settings.planning.failure_radius_m).any(axis=0))
 
     @property
     def _neural_map(self) -> NeuralMap:

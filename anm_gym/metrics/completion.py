@@ -106,7 +106,6 @@ class CompletionMeter:
         self._native_cloud = ObservedCloud(mesh.bounds)
         self._official_cloud = ObservedCloud(mesh.bounds)
         self._curve: list[float] = []
-        self._curve_official: list[float] = []
 
     def observe(
         self, depth_m: NDArray[np.float32], camera: CameraSpec, world_from_camera: NDArray[np.floating]
@@ -129,7 +128,6 @@ class CompletionMeter:
         if not official_view.is_valid.all():
             self._official_cloud.add(view.world_from_camera[None, :3, 3].astype(np.float32))
         self._curve.append(self.comp_pct)
-        self._curve_official.append(self.comp_pct_official)
 
     @property
     def comp_pct(self) -> float:
@@ -163,11 +161,6 @@ class CompletionMeter:
     def curve_pct(self) -> NDArray[np.float32]:
         """(T,) float32 native completion ratio after each observed frame, per cent."""
         return np.array(self._curve, np.float32)
-
-    @property
-    def curve_pct_official(self) -> NDArray[np.float32]:
-        """(T,) float32 official completion ratio after each observed frame, per cent."""
-        return np.array(self._curve_official, np.float32)
 
     @property
     def covered(self) -> NDArray[np.bool_]:

@@ -176,7 +176,10 @@ class FrontierGoalWrapper(GoalWrapper):
         frontiers = find_frontiers(free, unknown, frame, settings.min_size_m, settings.max_size_m)
         is_by_way = settings.only_reachable
         ranked = self._by_way(frontiers) if is_by_way else self._by_free_path(frontiers, frame, free)
-        ranked = [(cost, goal) for cost, goal in ranked if np.isfinite(cost) and not self._has_failed(goal)]
+        failed = self.near_failure([goal.position_xz for _, goal in ranked], settings.blacklist_m)
+        ranked = [
+            pair for pair, near in zip(ranked, failed, strict=True) if np.isfinite(pair[0]) and not near
+        ]
         ranked.sort(key=lambda pair: pair[0])
         far = [pair for pair in ranked if self._distance_m(pair[1]) >= settings.min_distance_m]
         return far or ranked[::-1]
@@ -218,9 +221,3 @@ class FrontierGoalWrapper(GoalWrapper):
 
     def _distance_m(self, goal: Goal) -> float:
         return float(np.linalg.norm(goal.position_xz - self.position_xz))
-
-    def _has_failed(self, goal: Goal) -> bool:
-        return any(
-            np.linalg.norm(goal.position_xz - failure.position_xz) < self.settings.blacklist_m
-            for failure in self.failures
-        )

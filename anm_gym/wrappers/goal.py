@@ -11,7 +11,7 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 from gymnasium.utils import RecordConstructorArgs
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
 from anm_gym.checks import check_at_least, check_positive
@@ -171,6 +171,24 @@ class GoalWrapper(
         goal = self.goal
         self.failures.append(Goal(goal.position_xz, goal.heading_rad, reason))
         self._replace_goal()
+
+    def near_failure(
+        self, places_xz: ArrayLike, radius_m: float, latest: int | None = None
+    ) -> NDArray[np.bool_]:
+        """Tell which floor points lie near a goal that failed.
+
+        Args:
+            places_xz: (N, 2) floor points, metres.
+            radius_m: Points nearer than this are near, metres.
+            latest: How many of the latest failures count; None for all.
+
+        Returns:
+            (N,) bool.
+        """
+        places = np.asarray(places_xz, np.float64).reshape(-1, 1, 2)
+        failures = self.failures if latest is None else self.failures[-latest:]
+        failed = np.array([goal.position_xz for goal in failures]).reshape(-1, 2)
+        return np.asarray((np.linalg.norm(places - failed, axis=2) < radius_m).any(axis=1))
 
     def is_reached(self, goal: Goal) -> bool:
         """Tell whether the agent stands at a goal and looks where it asks for."""

@@ -32,6 +32,8 @@ VIEW_LIMITS: Final = GoalLimits(arrival_m=0.3, timeout_steps=250, review_steps=1
 """Ours."""
 FAILURE_RADIUS_M: Final = 0.5
 """Target views this close to one that failed are not proposed again, metres."""
+MAX_FAILURES: Final = 20
+"""So many of the latest failures are remembered."""
 
 
 @final
@@ -126,13 +128,8 @@ class VariabilityGoalWrapper(GoalWrapper):
         """Go to the cluster of variable zero-crossings that the criterion chooses."""
         assert self.targets is not None
         views = self._target_views(self.targets)
-        failed = self._failed_xz()
-        if len(failed):
-            views = [
-                view
-                for view in views
-                if np.linalg.norm(view.position[[0, 2]] - failed, axis=1).min() > FAILURE_RADIUS_M
-            ]
+        near = self.near_failure([view.position[[0, 2]] for view in views], FAILURE_RADIUS_M, MAX_FAILURES)
+        views = [view for view, is_near in zip(views, near, strict=True) if not is_near]
         chosen = choose_target_view(views, self._neural_map, self._pose[:3, 3], self._visible(), self.targets)
         return None if chosen is None else Goal(chosen.position[[0, 2]], None, "cluster")
 
@@ -150,7 +147,7 @@ class VariabilityGoalWrapper(GoalWrapper):
 
     def _failed_xz(self) -> NDArray[np.float64]:
         """(N, 2) places of the latest goals that failed."""
-        return np.array([goal.position_xz for goal in self.failures[-20:]]).reshape(-1, 2)
+        return np.array([goal.position_xz for goal in self.failures[-MAX_FAILURES:]]).reshape(-1, 2)
 
     @property
     def _neural_map(self) -> NeuralMap:

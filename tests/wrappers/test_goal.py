@@ -206,3 +206,16 @@ def test_look_round_turns_once_round_before_the_next_proposal(
     assert np.abs(np.unwrap([0.0, *(each.heading_rad or 0.0 for each in env.goals[1:4])]))[
         -1
     ] == pytest.approx(2.0 * np.pi)
+
+
+def test_places_near_a_failure_are_told_apart(scripted: Callable[..., ScriptedGoals]) -> None:
+    env = scripted([goal(1.0, 1.0), goal(-1.0, -1.0), goal(0.0, 1.5)])
+    env.reset(seed=0)
+    places = [(1.0, 1.3), (-1.0, -1.3), (0.0, 0.0)]
+    assert env.near_failure(places, 0.5).tolist() == [False, False, False]
+    env.report_unreachable("no way")
+    env.report_unreachable("no way")
+    assert env.near_failure(places, 0.5).tolist() == [True, True, False]
+    assert env.near_failure(places, 0.5, latest=1).tolist() == [False, True, False]
+    assert env.near_failure(np.zeros((0, 2)), 0.5).shape == (0,)
+    assert not env.near_failure(places, 0.0).any()
