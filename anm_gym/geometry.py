@@ -6,6 +6,7 @@ World frame: right-handed, y up, metres. Heading: counter-clockwise about +y, ra
 
 from dataclasses import dataclass
 from functools import lru_cache
+from numbers import Integral, Real
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,12 +34,20 @@ class CameraSpec:
     """Planar depth beyond which a pixel counts as empty (0), metres (Habitat's default)."""
 
     def __post_init__(self) -> None:
+        for name in ("width_px", "height_px"):
+            if not isinstance(getattr(self, name), Integral):
+                raise ValueError(f"`{name}` must be a whole number of pixels, got {getattr(self, name)!r}")
+        for name in ("hfov_deg", "sensor_height_m", "min_depth_m", "max_depth_m"):
+            if not isinstance(getattr(self, name), Real):
+                raise ValueError(f"`{name}` must be a number, got {getattr(self, name)!r}")
         if self.width_px < 1 or self.height_px < 1:
             raise ValueError(
                 f"the image must have at least one pixel, got {self.width_px} x {self.height_px}"
             )
         if not 0.0 < self.hfov_deg < 180.0:
             raise ValueError(f"`hfov_deg` must be between 0 and 180, got {self.hfov_deg}")
+        if not 0.0 < self.sensor_height_m < float("inf"):
+            raise ValueError(f"`sensor_height_m` must be > 0 and finite, got {self.sensor_height_m}")
         if not 0.0 <= self.min_depth_m < self.max_depth_m:
             raise ValueError(
                 f"`min_depth_m` must be in [0, max_depth_m), got {self.min_depth_m} of {self.max_depth_m}"

@@ -10,9 +10,15 @@ from train.pool import WorkerError
 
 
 def split_list(text: str | Sequence[str]) -> list[str]:
-    """Split a list that may be given with commas, with spaces, or as a YAML list."""
-    parts = [text] if isinstance(text, str) else list(text)
-    return [word for part in parts for word in part.replace(",", " ").split()]
+    """Split a list that may be given with commas, with spaces, or as a YAML list.
+
+    A single text is split at both; a list, as the shell or YAML gives it, at commas alone, so that paths may
+    hold spaces.
+    """
+    if isinstance(text, str):
+        return text.replace(",", " ").split()
+    words = (word.strip() for part in text for word in part.split(","))
+    return [word for word in words if word]
 
 
 def parse_seeds(text: str | int | Sequence[str | int]) -> list[int]:
@@ -55,5 +61,5 @@ def run_command(main: Callable[[], Any]) -> None:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:
-        print("interrupted; the same command goes on where this one stopped", file=sys.stderr)
+        print("interrupted; repeated, the command goes on from its last row or checkpoint", file=sys.stderr)
         sys.exit(130)

@@ -14,9 +14,9 @@ from anm_gym.scenes.scene import Scene
 from train.attribution import attribute
 from train.command import file_stem, scene_label
 from train.pictures import write_topdown
-from train.provenance import digest, effective_settings, geometry_digest, versions
+from train.provenance import digest, effective_settings, file_digest, geometry_digest, versions
 from train.recorder import EpisodeRecorder, Progress, SimulatorClock, find_attribute
-from train.results import MAP_LEFT_OUT, ROW_FIELDS, Key, Row, row_key
+from train.results import MAP_LEFT_OUT, ROW_FIELDS, SCENE_FILE, Key, Row, row_key
 from train.runner import EpisodeRecord, run_episode
 from train.scores import make_meter, map_scores, trail_scores
 from train.trajectory import Trajectory
@@ -127,7 +127,7 @@ def play(job: Job) -> Row:
     row: Row = dict.fromkeys(ROW_FIELDS) | job.identity
     try:
         episode = run_job(job)
-        row |= episode.row | _leave_files(job, episode)
+        row |= episode.row | _leave_files(job, episode) | {SCENE_FILE: file_digest(job.scene)}
         episode.env.close()
     except Exception as error:  # noqa: BLE001 - what one agent does must not end the others' run
         row |= {"error": f"{type(error).__name__}: {error}", "traceback": traceback.format_exc(limit=-6)}
@@ -175,8 +175,18 @@ def run_job(job: Job, progress: Progress | None = None) -> Episode:
 
 
 def make_env(scene: str, steps: int, env_options: dict[str, Any]) -> gym.Env:
-    """Make the exploration environment with a step limit."""
-    return SimulatorClock(gym.make(ENV_ID, max_episode_steps=steps, scene=scene, **env_options))
+    """Make the exploration environment with a step limit.
+
+    Raises:
+        ValueError: If an argument is unknown, or named by another option.
+    """
+    reserved = {"id", "scene", "max_episode_steps"} & env_options.keys()
+    if reserved:
+        raise ValueError(f"`env` must not hold {', '.join(sorted(reserved))}: other options name them")
+    try:
+        return SimulatorClock(gym.make(ENV_ID, max_episode_steps=steps, scene=scene, **env_options))
+    except TypeError as error:  # an argument that somebody down there does not know
+        raise ValueError(f"`env` must hold arguments of {ENV_ID}, got {env_options}: {error}") from error
 
 
 def scene_of(env: gym.Env) -> Scene:

@@ -49,6 +49,8 @@ class Evaluation:
             raise ValueError(f"`steps` must be >= 1, got {self.steps}")
         if len(set(map(split_agent, self.agents))) != len(self.agents):
             raise ValueError(f"`agents` must differ, got {', '.join(self.agents)}")
+        if len(set(self.seeds)) != len(self.seeds):
+            raise ValueError(f"`seeds` must differ, got {', '.join(map(str, self.seeds))}")
         labels = [scene_label(scene) for scene in self.scenes]
         if len(set(labels)) != len(labels):
             raise ValueError(f"`scenes` must have different names in the rows, got {', '.join(labels)}")

@@ -51,6 +51,7 @@ def explore(
     folder = out or Path("runs") / f"explore-{scene_label(scene).replace(':', '-')}"
     prepare_worker()
     job = Job(*split_agent(agent), scene, seed, steps, folder, env or {})
+    folder.mkdir(parents=True, exist_ok=True)  # now rather than after the episode
     with tqdm(total=steps, unit="step", delay=1.0) as bar:
         episode = run_job(job, _progress(bar))
     episode.trajectory.save(folder / "trajectory.npz")

@@ -66,6 +66,15 @@ def geometry_digest(mesh: TriangleMesh) -> str:
     return hashed.hexdigest()[:16]
 
 
+def file_digest(scene: str) -> str:
+    """Name the content of a scene's file, sixteen hexadecimal digits; empty for a scene that is generated."""
+    path = Path(scene)
+    if not path.is_file():
+        return ""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()[:16]
+
+
 @cache
 def versions() -> dict[str, str]:
     """Versions of Python and of the packages that make the numbers, and the commit of this one."""

@@ -25,6 +25,8 @@ ROW_FIELDS: Final = (
 )
 """The fields that every row has; a measure that does not exist (a map's, without a map) is null."""
 
+SCENE_FILE: Final = "scene_file"
+"""Field that names the content of the scene's file; empty for a generated scene."""
 MAP_LEFT_OUT: Final = "map_left_out"
 """Field that tells whether there was a map that nobody scored, so that its measures are still missing."""
 

@@ -15,6 +15,8 @@ STRAIGHT_RATIO = 1.1
 """Paths longer than this many times the straight line are never refused (Habitat)."""
 MAX_DRAWS = 100
 """Goals drawn before the most winding of them is taken."""
+MAX_STARTS = 10
+"""Starts drawn for an episode before its scene is given up (Habitat's generator)."""
 
 
 @dataclass(frozen=True)

@@ -208,6 +208,7 @@ class MeshEnv(gymnasium.Env[Observation, np.int64], ABC):
         scene = shared_scene(scene_name, self.settings.scene_options)
         if scene is not self.__dict__.get("_scene"):
             settings = self.settings
+            self._check_camera(scene)
             self._simulator = shared_simulator(
                 scene,
                 self.camera,
@@ -217,6 +218,15 @@ class MeshEnv(gymnasium.Env[Observation, np.int64], ABC):
                 turn_step_deg=settings.turn_step_deg,
             )
         self._scene, self._scene_name = scene, scene_name
+
+    def _check_camera(self, scene: Scene) -> None:
+        """Refuse a camera that would look at the scene from above its ceiling."""
+        height_m, ceiling_y_m = self.camera.sensor_height_m, scene.ceiling_y_m
+        if ceiling_y_m is not None and height_m >= ceiling_y_m - scene.floor_y_m:
+            raise ValueError(
+                f"`sensor_height_m` must be below the ceiling of {scene.name}, "
+                f"{ceiling_y_m - scene.floor_y_m:.2f} m above its floor, got {height_m}"
+            )
 
     def _place(self, start: NDArray[np.float64] | None) -> None:
         if start is None:

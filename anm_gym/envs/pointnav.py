@@ -7,10 +7,11 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from anm_gym.actions import Action
-from anm_gym.envs.goals import DistanceToPoint, GoalRange, draw_goal
+from anm_gym.envs.goals import MAX_STARTS, DistanceToPoint, GoalRange, draw_goal
 from anm_gym.envs.mesh_env import UNBOUNDED, MeshEnv, Observation
 from anm_gym.envs.options import DEFAULT_SCENE, EpisodeOptions, MeshEnvSettings
 from anm_gym.envs.picture import Moment
+from anm_gym.errors import EpisodeError
 from anm_gym.geometry import pointgoal
 
 SLACK_REWARD: Final = -0.01
@@ -113,13 +114,32 @@ class PointNavEnv(MeshEnv):
         simulator = self.simulator
         grid, start_xz = simulator.grid, simulator.state.position_xz
         if options.goal is None:
-            self._goal_xz = draw_goal(grid, simulator.graph, start_xz, self._goal_range, self.np_random)
+            start_is_free = options.start is None and self._start is None
+            start_xz, self._goal_xz = self._draw_goal(MAX_STARTS if start_is_free else 1)
         else:
             self._require_largest_part("goal", options.goal)
             self._goal_xz = options.goal
         self._distance_to_goal = DistanceToPoint(grid, simulator.graph, self._goal_xz)
         self._distance_m = self._shortest_m = self._distance_to_goal(start_xz)
         self._has_succeeded = False
+
+    def _draw_goal(self, max_starts: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Draw a goal, and the start anew if none is at an allowed distance; (2,) start and goal."""
+        simulator = self.simulator
+        for attempt in range(max_starts):
+            start_xz = simulator.state.position_xz
+            try:
+                goal_xz = draw_goal(
+                    simulator.grid, simulator.graph, start_xz, self._goal_range, self.np_random
+                )
+            except EpisodeError:
+                if attempt == max_starts - 1:
+                    raise
+                self._place(None)
+                self._look(simulator.depth_m())
+            else:
+                return start_xz, goal_xz
+        raise AssertionError("the loop returns or raises")
 
     def _judge(self, action: Action, _depth_m: NDArray[np.float32]) -> tuple[float, bool]:
         before_m, self._distance_m = (

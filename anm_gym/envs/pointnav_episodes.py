@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from anm_gym.envs.goals import DistanceToPoint, GoalRange, draw_goal
+from anm_gym.envs.goals import MAX_STARTS, DistanceToPoint, GoalRange, draw_goal
 from anm_gym.envs.shared_scenes import shared_scene
 from anm_gym.errors import EpisodeError
 from anm_gym.scenes.scene import Scene, Storey
@@ -23,8 +23,6 @@ SAME_FLOOR_M: Final = 0.5
 """Places whose heights differ by less are on one floor, metres (Habitat's generator)."""
 GOAL_RADIUS_M: Final = 0.2
 """Radius of a drawn goal, metres (Habitat's generator)."""
-MAX_STARTS: Final = 10
-"""Starts drawn for an episode before its scene is given up (Habitat's generator)."""
 UNIT_TOLERANCE: Final = 1e-3
 """How far a quaternion's norm, or the y of the agent's up axis, may be from 1."""
 

@@ -19,7 +19,12 @@ from anm_gym.map.frames import FrameStore
 from anm_gym.map.hybrid_field import make_field
 from anm_gym.map.keyframes import explained_share
 from anm_gym.map.losses import LossTerms, distance_bound, map_loss
-from anm_gym.map.numerics import flushed_subnormals, has_fast_bfloat16, workers_flush_subnormals
+from anm_gym.map.numerics import (
+    flushed_subnormals,
+    has_fast_bfloat16,
+    usable_device,
+    workers_flush_subnormals,
+)
 from anm_gym.map.occupancy import OccupancyGrid
 from anm_gym.map.perturbation import perturbations, variability
 from anm_gym.map.sampling import RayBatch, sample_rays
@@ -62,6 +67,9 @@ class NeuralMap:
         seed: Seeds the weights and every draw.
         device: Where the network lives, such as ``"cpu"`` or ``"cuda"``.
 
+    Raises:
+        ValueError: If there is no such device here.
+
     Source:
         Active Neural Mapping, Sec. 4.1.
 
@@ -77,7 +85,7 @@ class NeuralMap:
         self, settings: MapSettings, camera: CameraSpec, *, seed: int = 0, device: str = "cpu"
     ) -> None:
         workers_flush_subnormals()
-        self.settings, self.camera, self.device = settings, camera, torch.device(device)
+        self.settings, self.camera, self.device = settings, camera, usable_device(device)
         self.stopwatch = Stopwatch()
         self.num_frames, self.num_keyframes = 0, 0
         self.cloud, self.volume = SurfaceCloud(), ObservedVolume(camera)
@@ -117,14 +125,19 @@ class NeuralMap:
             What was done, with the loss terms of the last iteration.
 
         Raises:
-            ValueError: If the image does not fit the camera.
+            ValueError: If the image does not fit the camera or is not in metres, or the pose is none.
 
         Source:
             Active Neural Mapping, Sec. 4.1, Eq. 3.
         """
         expected = (self.camera.height_px, self.camera.width_px)
-        if depth_m.shape[:2] != expected:
-            raise ValueError(f"`depth_m` must have shape {expected}, got {depth_m.shape}")
+        if np.shape(depth_m)[:2] != expected:
+            raise ValueError(f"`depth_m` must have shape {expected}, got {np.shape(depth_m)}")
+        if not np.issubdtype(depth_m.dtype, np.floating):
+            raise ValueError(f"`depth_m` must be floating point metres, got {depth_m.dtype}; convert it")
+        world_from_camera = np.asarray(world_from_camera)
+        if world_from_camera.shape != (4, 4) or not np.isfinite(world_from_camera).all():
+            raise ValueError(f"`world_from_camera` must be a finite 4 x 4 pose, got {world_from_camera}")
         with self.stopwatch("observe"):
             is_keyframe = self._admit(depth_m, world_from_camera)
             self._log(depth_m, world_from_camera)
@@ -359,6 +372,7 @@ class NeuralMap:
         return torch.nn.utils.parameters_to_vector(self.field.network.parameters()).detach()
 
     def _tensor(self, points: NDArray[np.floating]) -> Tensor:
+        points = np.asarray(points)
         if points.ndim != 2 or points.shape[1] != 3:
             raise ValueError(f"`points` must have shape (N, 3), got {points.shape}")
         return torch.tensor(points, dtype=torch.float32, device=self.device)

@@ -42,3 +42,20 @@ def has_fast_bfloat16(device: torch.device) -> bool:
     if device.type == "cpu":
         return bool(torch.cpu._is_avx512_bf16_supported() or torch.cpu._is_amx_tile_supported())
     return bool(torch.cuda.is_bf16_supported())
+
+
+def usable_device(name: str) -> torch.device:
+    """Look up a device.
+
+    Raises:
+        ValueError: If it is unknown, or not to be had here.
+    """
+    try:
+        device = torch.device(name)
+    except RuntimeError as error:
+        raise ValueError(
+            f"`device` must be one that torch knows, such as 'cpu' or 'cuda', got {name!r}"
+        ) from error
+    if device.type == "cuda" and not torch.cuda.is_available():
+        raise ValueError(f"`device` must be one of this machine's, got {name!r} without a CUDA device")
+    return device

@@ -3,6 +3,7 @@
 import hashlib
 import os
 import tempfile
+import warnings
 import zipfile
 import zlib
 from dataclasses import asdict
@@ -55,7 +56,15 @@ def load_view_table(
         table = build_view_table(
             samples, simulator.camera, simulator.mesh, simulator.floor_y_m, positions, settings.num_headings
         )
-        write_view_table(path, table)
+        try:
+            write_view_table(path, table)
+        except OSError as error:
+            warnings.warn(
+                f"the view table cannot be kept in {path.parent} ({error}) and will be worked out anew; "
+                "name another folder by $ANM_CACHE",
+                RuntimeWarning,
+                stacklevel=2,
+            )
     return table
 
 

@@ -20,6 +20,7 @@ UP_AXES: Final = ("auto", "y", "z")
 
 _FORMAT_UP: Final = {".glb": "y", ".gltf": "y", ".obj": "y", ".ply": "z", ".stl": "z"}
 _LONGEST_M: Final = 300.0
+_FARTHEST_M: Final = 20_000.0
 _THINNEST_M: Final = 60.0
 _SHORTEST_M: Final = 1.0
 _ROOM_HEIGHT_M: Final = 2.7
@@ -47,11 +48,13 @@ def in_metres(mesh: TriangleMesh, unit: str) -> TriangleMesh:
     """Scale a mesh from its unit to metres.
 
     Raises:
-        SceneError: If the result has no building's size; the message names the likely unit.
+        SceneError: If the result has no building's size; the message names the likely unit. Also if it lies
+            so far from the origin, as georeferenced data do, that rays could not resolve millimetres there.
     """
     scaled = TriangleMesh(mesh.vertices * METRES_PER_UNIT[unit], mesh.faces, mesh.face_colors)
     size_m = scaled.bounds[1] - scaled.bounds[0]
     if _is_building(size_m):
+        _check_origin(scaled.bounds)
         return scaled
     extent = " x ".join(f"{side:.4g}" for side in size_m)
     raise SceneError(
@@ -85,7 +88,8 @@ def flat_area_peaks_m2(mesh: TriangleMesh) -> NDArray[np.float64]:
     """
     centers = mesh.triangles.mean(axis=1)
     bin_size = float((mesh.bounds[1] - mesh.bounds[0]).max()) / 100.0
-    bins = np.floor((centers - mesh.bounds[0]) / bin_size).astype(np.int64)
+    # The mean of three equal coordinates may be rounded to less than the lowest of them.
+    bins = np.floor(np.maximum(centers - mesh.bounds[0], 0.0) / bin_size).astype(np.int64)
     is_across = np.abs(mesh.normals) > 0.9
     areas = [
         np.bincount(bins[is_across[:, axis], axis], mesh.areas_m2[is_across[:, axis]], 1).max()
@@ -100,6 +104,16 @@ def y_up(mesh: TriangleMesh, up_axis: str) -> TriangleMesh:
         return mesh
     vertices = np.stack([mesh.vertices[:, 0], mesh.vertices[:, 2], -mesh.vertices[:, 1]], axis=1)
     return TriangleMesh(vertices, mesh.faces, mesh.face_colors)
+
+
+def _check_origin(bounds_m: NDArray[np.float64]) -> None:
+    farthest_m = float(np.abs(bounds_m).max())
+    if farthest_m > _FARTHEST_M:
+        center = np.round(bounds_m.mean(axis=0)).tolist()
+        raise SceneError(
+            f"the scene must lie within {_FARTHEST_M:g} m of the origin, where rays resolve millimetres, got "
+            f"coordinates up to {farthest_m:.4g} m; move it there, for instance by minus {center}"
+        )
 
 
 def _is_building(size_m: NDArray[np.float64]) -> bool:

@@ -3,8 +3,10 @@
 What the numbers mean (unit, up axis) and whether they are sound is left to `cleaning` and `axes`.
 """
 
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Final
 
@@ -18,6 +20,8 @@ from anm_gym.scenes.colors import PLAIN_RGB, face_colors_of
 SUFFIXES: Final = (".glb", ".gltf", ".obj", ".ply", ".stl")
 """The mesh formats that can be read."""
 
+_COMPRESSIONS: Final = {"KHR_draco_mesh_compression": "DracoPy", "EXT_meshopt_compression": "meshoptimizer"}
+"""glTF extensions that compress geometry, and the packages with which trimesh undoes them."""
 _FIRST_BYTES: Final = {".glb": b"glTF", ".ply": b"ply"}
 
 
@@ -68,6 +72,7 @@ def _checked_file(path: Path) -> Path:
     if path.stat().st_size == 0:
         raise SceneError(f"{path} must hold a mesh, got an empty file; copy or export it again")
     _check_first_bytes(path, suffix)
+    _check_compression(path, suffix)
     return path
 
 
@@ -81,6 +86,26 @@ def _check_first_bytes(path: Path, suffix: str) -> None:
     if suffix in _FIRST_BYTES and not start.startswith(_FIRST_BYTES[suffix]):
         raise SceneError(
             f"{path.name} must begin with {_FIRST_BYTES[suffix]!r}, got {start!r}; it is not a {suffix} file"
+        )
+
+
+def _check_compression(path: Path, suffix: str) -> None:
+    """Refuse glTF whose geometry is compressed in a way that nothing here can undo."""
+    if suffix not in {".glb", ".gltf"}:
+        return
+    with path.open("rb") as file:
+        start = file.read(20)
+        length = int.from_bytes(start[12:16], "little") if suffix == ".glb" else path.stat().st_size - 20
+        text = file.read(max(length, 0)) if suffix == ".glb" else start + file.read()
+    try:
+        required = set(json.loads(text).get("extensionsRequired", ()))
+    except (ValueError, AttributeError):
+        return  # the parser will say what is wrong
+    unknown = sorted(name for name in required & set(_COMPRESSIONS) if not find_spec(_COMPRESSIONS[name]))
+    if unknown:
+        raise SceneError(
+            f"{path.name} must hold plain geometry, got geometry compressed by {' and '.join(unknown)}; "
+            "export it without compression, for instance by `gltf-transform copy`"
         )
 
 

@@ -166,9 +166,10 @@ class Simulator:
         return np.concatenate([np.atleast_2d(from_xz), inner, np.atleast_2d(to_xz)])
 
     def _set_steps(self, forward_step_m: float, turn_step_deg: float) -> None:
-        if forward_step_m <= 0.0 or turn_step_deg <= 0.0:
+        if not (0.0 < forward_step_m < np.inf and 0.0 < turn_step_deg < np.inf):
             raise ValueError(
-                f"`forward_step_m` and `turn_step_deg` must be > 0, got {forward_step_m} and {turn_step_deg}"
+                "`forward_step_m` and `turn_step_deg` must be > 0 and finite, "
+                f"got {forward_step_m} and {turn_step_deg}"
             )
         self.forward_step_m, self.turn_step_rad = forward_step_m, float(np.deg2rad(turn_step_deg))
 

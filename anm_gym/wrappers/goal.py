@@ -59,6 +59,21 @@ class GoalLimits:
         check_at_least(self, 1, "timeout_steps", "review_steps")
 
 
+def check_explores(env: gymnasium.Env[Any, Any]) -> None:
+    """Refuse an environment without the observations of `ANM/Explore-v0`, or with goals of its own.
+
+    Raises:
+        ValueError: If it is one of those.
+    """
+    space = env.observation_space
+    keys = set(space.spaces) if isinstance(space, spaces.Dict) else set()
+    missing = {"depth", "world_from_camera"} - keys
+    if missing or "pointgoal_with_gps_compass" in keys:
+        raise ValueError(
+            f"`env` must have the observations of ANM/Explore-v0, depth and pose but no goal, got {space}"
+        )
+
+
 class GoalWrapper(
     gymnasium.Wrapper[Observation, np.int64, Observation, np.int64], RecordConstructorArgs, ABC
 ):
@@ -83,6 +98,7 @@ class GoalWrapper(
 
     def __init__(self, env: gymnasium.Env[Observation, np.int64], *, limits: GoalLimits, seed: int) -> None:
         gymnasium.Wrapper.__init__(self, env)
+        check_explores(env)
         goal_space = spaces.Box(
             np.array([0.0, -np.pi], np.float32), np.array([np.finfo(np.float32).max, np.pi], np.float32)
         )

@@ -2,6 +2,7 @@
 
 import copy
 import hashlib
+import re
 import subprocess
 import sys
 import warnings
@@ -278,3 +279,29 @@ def test_colour_is_observed_on_request(explore: Callable[..., ExploreEnv]) -> No
     observation, _ = env.reset(seed=0)
     assert env.observation_space.contains(observation)
     assert observation["rgb"].shape == (16, 24, 3)
+
+
+@pytest.mark.parametrize(
+    ("camera", "what"),
+    [
+        ({"sensor_height_m": 0.0}, "`sensor_height_m` must be > 0 and finite, got 0.0"),
+        ({"sensor_height_m": float("nan")}, "`sensor_height_m` must be > 0 and finite, got nan"),
+        ({"sensor_height_m": 5.0}, "`sensor_height_m` must be below the ceiling of room, 2.50 m above"),
+        ({"width_px": "16"}, "`width_px` must be a whole number of pixels, got '16'"),
+        ({"height_px": 16.0}, "`height_px` must be a whole number of pixels, got 16.0"),
+        ({"hfov_deg": "90"}, "`hfov_deg` must be a number, got '90'"),
+    ],
+)
+def test_camera_that_cannot_be_is_refused(
+    explore: Callable[..., ExploreEnv], camera: dict[str, Any], what: str
+) -> None:
+    with pytest.raises(ValueError, match=re.escape(what)):
+        explore(camera=camera)
+
+
+@pytest.mark.parametrize("steps", [{"forward_step_m": float("nan")}, {"turn_step_deg": float("inf")}])
+def test_steps_that_are_no_lengths_are_refused(
+    explore: Callable[..., ExploreEnv], steps: dict[str, float]
+) -> None:
+    with pytest.raises(ValueError, match="must be > 0 and finite"):
+        explore(**steps)

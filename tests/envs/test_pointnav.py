@@ -86,3 +86,19 @@ def test_goal_in_a_wall_is_refused_with_the_nearest_place(pointnav: Callable[...
 def test_impossible_success_distance_is_refused() -> None:
     with pytest.raises(ValueError, match="`success_m` must be > 0, got 0"):
         PointNavEnv(success_m=0.0)
+
+
+def test_start_without_a_goal_in_range_is_drawn_again(pointnav: Callable[..., PointNavEnv]) -> None:
+    env = pointnav(min_distance_m=6.0)
+    shortest = []
+    for seed in range(30):
+        env.reset(seed=seed)
+        shortest.append(env._shortest_m)
+        np.testing.assert_array_equal(env.trajectory[0].position_xz, env.simulator.state.position_xz)
+        np.testing.assert_array_equal(env.reset(seed=seed)[0]["depth"], env.reset(seed=seed)[0]["depth"])
+    assert min(shortest) >= 5.7  # by another tree of paths than the one it was drawn from
+
+
+def test_given_start_without_a_goal_in_range_is_refused(pointnav: Callable[..., PointNavEnv]) -> None:
+    with pytest.raises(EpisodeError, match=r"a goal must lie 6\.5 to 30"):
+        pointnav(min_distance_m=6.5).reset(seed=0, options={"start": (-0.5, 0.0, 0.0)})

@@ -1,8 +1,10 @@
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 
 from anm_gym.errors import MapError
@@ -68,3 +70,35 @@ def test_file_with_a_missing_tensor_is_refused(trained: NeuralMap, tmp_path: Pat
     save_file(tensors, path, metadata=metadata)
     with pytest.raises(MapError, match="must fit its settings"):
         load_map(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "spoil", "what"),
+    [
+        ("frames.poses", lambda tensor: tensor[:, :3], "frames.poses must have shape"),
+        ("frames.losses", lambda tensor: tensor[:-1], "frames.losses must have shape"),
+        ("cloud", lambda tensor: tensor[:, :2], "cloud must have shape"),
+        ("volume.states", lambda tensor: tensor.reshape(-1), "volume.states must have shape"),
+        (
+            "field.levels.0.table",
+            lambda tensor: tensor.reshape(-1),
+            "table must have 3 dimensions",
+        ),
+        ("weight_change", lambda tensor: tensor * torch.nan, "weight_change must hold finite numbers"),
+    ],
+)
+def test_damaged_tensor_is_named(trained: NeuralMap, tmp_path: Path, name: str, spoil, what: str) -> None:
+    path = tmp_path / "map.safetensors"
+    save_map(trained, path)
+    with safe_open(path, framework="pt") as file:
+        metadata = file.metadata()
+    tensors = load_file(path)
+    tensors[name] = spoil(tensors[name]).contiguous()
+    save_file(tensors, path, metadata=metadata)
+    with pytest.raises(MapError, match=re.escape(what)):
+        load_map(path)
+
+
+def test_folder_of_a_map_is_made(trained: NeuralMap, tmp_path: Path) -> None:
+    save_map(trained, tmp_path / "new" / "map.safetensors")
+    assert load_map(tmp_path / "new" / "map.safetensors").num_frames == trained.num_frames

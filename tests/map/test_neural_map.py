@@ -166,3 +166,30 @@ def test_points_of_another_shape_are_refused(learned: NeuralMap) -> None:
 def test_compute_is_counted_by_module(learned: NeuralMap) -> None:
     assert set(learned.stopwatch.compute_ms) == {"observe", "learn"}
     assert ScheduleSettings().iterations == 10
+
+
+@pytest.mark.parametrize(
+    ("depth", "pose", "what"),
+    [
+        (
+            np.full((64, 64), 2000, np.uint16),
+            np.eye(4),
+            "must be floating point metres, got uint16",
+        ),
+        (np.ones((64, 64), np.float32), np.eye(4)[:3], "must be a finite 4 x 4 pose"),
+        (
+            np.ones((64, 64), np.float32),
+            np.full((4, 4), np.nan),
+            "must be a finite 4 x 4 pose",
+        ),
+    ],
+)
+def test_frame_that_is_no_depth_or_has_no_pose_is_refused(tour, depth, pose, what: str) -> None:
+    neural_map = NeuralMap(small(), tour.camera)
+    with pytest.raises(ValueError, match=what):
+        neural_map.integrate(depth, pose)
+    assert neural_map.num_frames == 0
+
+
+def test_points_may_be_a_list(learned: NeuralMap) -> None:
+    assert learned.sdf([[0.0, 1.0, 0.0]]).shape == (1,)  # type: ignore[arg-type]

@@ -1,8 +1,14 @@
 import numpy as np
+import pytest
 import torch
 from scipy.spatial import cKDTree
 
-from anm_gym.map.numerics import flushed_subnormals, has_fast_bfloat16, workers_flush_subnormals
+from anm_gym.map.numerics import (
+    flushed_subnormals,
+    has_fast_bfloat16,
+    usable_device,
+    workers_flush_subnormals,
+)
 
 
 def is_flushing() -> bool:
@@ -28,3 +34,15 @@ def test_a_search_tree_over_equal_coordinates_can_be_built_after_the_pool_was_st
 
 def test_bfloat16_is_only_claimed_where_the_processor_has_it() -> None:
     assert isinstance(has_fast_bfloat16(torch.device("cpu")), bool)
+
+
+def test_device_that_torch_does_not_know_is_refused() -> None:
+    with pytest.raises(ValueError, match="`device` must be one that torch knows, such as .* got 'gpu'"):
+        usable_device("gpu")
+
+
+def test_missing_accelerator_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    with pytest.raises(ValueError, match="got 'cuda:0' without a CUDA device"):
+        usable_device("cuda:0")
+    assert usable_device("cpu").type == "cpu"

@@ -84,3 +84,10 @@ def test_the_folder_follows_the_environment_variable(monkeypatch, tmp_path):
     assert cache_folder() == tmp_path
     monkeypatch.delenv("ANM_CACHE")
     assert cache_folder().parts[-2:] == (".cache", "anm_gym")
+
+
+def test_folder_that_cannot_be_written_costs_the_table_only(simulator, tmp_path):
+    (tmp_path / "taken").write_text("a file where the folder should be")
+    with pytest.warns(RuntimeWarning, match=r"cannot be kept .* name another folder by \$ANM_CACHE"):
+        table = load(simulator, tmp_path / "taken")
+    assert table.visible.any()

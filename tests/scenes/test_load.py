@@ -239,3 +239,17 @@ def _largest_part_m2(scene: Scene, floor_y_m: float) -> float:
 def _cube(x: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     box = trimesh.creation.box((0.2, 0.2, 0.2))
     return np.asarray(box.vertices) + np.array([x, 0.5, 0.0]), np.asarray(box.faces)
+
+
+def test_room_anywhere_is_loaded(box_room: BoxRoom, tmp_path: Path, rng: np.random.Generator) -> None:
+    """The mean of three equal coordinates may be less than the lowest of them by a rounding error."""
+    for index in range(40):
+        shift = tuple(rng.uniform(-50.0, 50.0, 3).tolist())
+        path = save(tmp_path / f"room{index}.obj", moved(box_room(6.0, 4.0), shift))
+        assert load_scene(path).floor_y_m == pytest.approx(shift[1], abs=1e-3)
+
+
+def test_scene_of_geographic_coordinates_is_refused(box_room: BoxRoom, tmp_path: Path) -> None:
+    path = save(tmp_path / "utm.obj", moved(box_room(6.0, 4.0), (4e6, 0.0, 3e5)))
+    with pytest.raises(SceneError, match=r"must lie within 20000 m of the origin, .* move it there"):
+        load_scene(path)

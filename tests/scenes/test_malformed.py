@@ -296,3 +296,17 @@ def test_file_that_is_no_plan_is_refused(tmp_path: Path, content: bytes, message
 def test_plan_that_is_not_there_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match="must be a file, got nothing there"):
         make_scene(str(tmp_path / "none.json"))
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".gltf"])
+@pytest.mark.parametrize("name", ["KHR_draco_mesh_compression", "EXT_meshopt_compression"])
+def test_compressed_geometry_is_named(tmp_path: Path, suffix: str, name: str, monkeypatch) -> None:
+    monkeypatch.setattr("anm_gym.scenes.reading.find_spec", lambda _: None)
+    text = json.dumps({"asset": {"version": "2.0"}, "extensionsRequired": [name]}).encode()
+    text += b" " * (-len(text) % 4)
+    head = b"glTF" + (2).to_bytes(4, "little") + (20 + len(text)).to_bytes(4, "little")
+    head += len(text).to_bytes(4, "little") + b"JSON"
+    path = tmp_path / f"packed{suffix}"
+    path.write_bytes(head + text if suffix == ".glb" else text)
+    with pytest.raises(SceneError, match=f"got geometry compressed by {name}; export it without compression"):
+        load_scene(path)

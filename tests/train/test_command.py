@@ -7,7 +7,7 @@ from train.command import file_stem, parse_seeds, run_command, scene_label, spli
 
 
 @pytest.mark.parametrize(
-    "text", ["random,fbe,anm", "random fbe anm", ["random", "fbe,anm"], "random, fbe, anm"]
+    "text", ["random,fbe,anm", "random fbe anm", ["random", "fbe,anm"], ["random,", "fbe, anm"]]
 )
 def test_list_may_be_spelled_with_commas_or_spaces(text):
     assert split_list(text) == ["random", "fbe", "anm"]
@@ -54,4 +54,8 @@ def test_interruption_ends_without_a_traceback(capsys):
     with pytest.raises(SystemExit) as exit_info:
         run_command(body)
     assert exit_info.value.code == 130
-    assert "goes on where" in capsys.readouterr().err
+    assert "goes on from its last row" in capsys.readouterr().err
+
+
+def test_paths_of_a_list_may_hold_spaces():
+    assert split_list(["my house/a.glb", "b.glb,c.glb"]) == ["my house/a.glb", "b.glb", "c.glb"]

@@ -15,6 +15,7 @@ import pytest
 from train.backends import Backend
 from train.evaluate import Evaluation, evaluate, main
 from train.play import ROWS_FILE
+from train.provenance import file_digest
 from train.results import append_row, read_rows
 
 ROOT = Path(__file__).parents[2]
@@ -189,3 +190,27 @@ def _untimed(rows):
     times = ("cpu_ms", "wall_s")
     plain = [{key: value for key, value in row.items() if key not in times} for row in rows]
     return sorted(plain, key=lambda row: (row["agent"], row["seed"]))
+
+
+def test_repeated_seed_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="`seeds` must differ, got 1, 1"):
+        Evaluation(["fbe"], ["home:flat:1"], [1, 1], out=tmp_path)
+
+
+def test_rows_of_another_file_of_the_same_name_are_not_taken_for_this_one(tmp_path, play):
+    meshes = [tmp_path / folder / "room.glb" for folder in "ab"]
+    for mesh in meshes:
+        mesh.parent.mkdir()
+        mesh.write_text(mesh.parent.name)
+
+    def played_in(job):
+        return play(job) | {"scene_file": file_digest(job.scene)}
+
+    first, second = (Evaluation(["fbe"], [str(mesh)], [0], out=tmp_path / "out") for mesh in meshes)
+    evaluate(first, HERE, played_in)
+    evaluate(first, HERE, lambda _: pytest.fail("played twice"))
+    with pytest.raises(ValueError, match="the rows of room in .* must come from .*b/room.glb as it is now"):
+        evaluate(second, HERE, played_in)
+    meshes[0].write_text("changed")
+    with pytest.raises(ValueError, match="write to another `--out` folder"):
+        evaluate(first, HERE, played_in)

@@ -219,3 +219,10 @@ def test_places_near_a_failure_are_told_apart(scripted: Callable[..., ScriptedGo
     assert env.near_failure(places, 0.5, latest=1).tolist() == [False, True, False]
     assert env.near_failure(np.zeros((0, 2)), 0.5).shape == (0,)
     assert not env.near_failure(places, 0.0).any()
+
+
+@pytest.mark.parametrize("name", ["CartPole-v1", "anm_gym:ANM/PointNav-v0"])
+def test_environment_that_does_not_explore_is_refused(name: str) -> None:
+    env = gymnasium.make(name, disable_env_checker=True)
+    with pytest.raises(ValueError, match="`env` must have the observations of ANM/Explore-v0"):
+        ScriptedGoals(env, [])

@@ -56,6 +56,8 @@ class NavigationComparison:
             if name not in NAVIGATORS and not Path(name).exists():
                 known = ", ".join(sorted(NAVIGATORS))
                 raise ValueError(f"unknown navigator {name!r}; choose one of: {known}, or give a file")
+        if len(set(self.navigators)) != len(self.navigators):
+            raise ValueError(f"`navigators` must differ, got {', '.join(self.navigators)}")
         if self.episodes < 1:
             raise ValueError(f"`episodes` must be >= 1, got {self.episodes}")
         labels = [scene_label(scene) for scene in self.scenes]

@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from jsonargparse import ActionYesNo, ArgumentParser
 
+from agents.roster import ROSTER
 from anm_gym.scenes.datasets import ROOT_VARIABLE
 from train.command import parse_seeds, run_command, split_list
 from train.episodes import split_agent
@@ -63,6 +64,11 @@ def play_command(arguments: Sequence[str] | None = None) -> Played:
     spec = TABLES[options.table]
     wanted = split_list(options.agents) if options.agents else spec.agents(options.preset)
     known, missing = split_known(wanted)
+    if options.preset not in ROSTER["anm"].presets:
+        choices = ", ".join(ROSTER["anm"].presets)
+        raise ValueError(f"`preset` must be one of anm's, {choices}, got {options.preset!r}")
+    if not known:
+        raise ValueError(f"unknown agent {', '.join(missing)}; choose among: {', '.join(sorted(ROSTER))}")
     run = _run_of(options, known)
     reference = spec.reference.format(preset=options.preset)
     if options.reference:
@@ -99,7 +105,7 @@ def _protocol_of(options: Any) -> Protocol:
         protocol = protocol.only(split_list(options.scenes))
     elif options.quick:
         protocol = replace(protocol, scenes=protocol.scenes[:1])
-    steps = options.steps or (QUICK_STEPS if options.quick else None)
+    steps = QUICK_STEPS if options.quick and options.steps is None else options.steps
     return protocol if steps is None else protocol.shortened(steps)
 
 
