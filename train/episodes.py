@@ -164,6 +164,7 @@ def run_job(job: Job, progress: Progress | None = None) -> Episode:
         "steps_done": record.steps,
         "scene_hash": trajectory.scene_hash,
         "geometry": geometry,
+        "repairs": list(scene_of(env).repairs),
         "start": [round(number, 6) for number in trajectory.poses[0].tolist()],
         "attribution": failures.as_row(),
         **record.scores,

@@ -53,7 +53,9 @@ class Evaluation:
             raise ValueError(f"`seeds` must differ, got {', '.join(map(str, self.seeds))}")
         labels = [scene_label(scene) for scene in self.scenes]
         if len(set(labels)) != len(labels):
-            raise ValueError(f"`scenes` must have different names in the rows, got {', '.join(labels)}")
+            raise ValueError(
+                f"`scenes` must have different names in the rows, got {', '.join(labels)}; rename files"
+            )
 
     def jobs(self) -> list[Job]:
         """List the episodes, scene by scene, so that a worker keeps a scene it has loaded."""

@@ -69,7 +69,8 @@ class Protocol:
         labels = [scene.label for scene in self.scenes]
         if not labels or len(set(labels)) != len(labels):
             raise ValueError(
-                f"`scenes` must have different names in the rows, got {', '.join(labels) or 'none'}"
+                f"`scenes` must have different names in the rows, got {', '.join(labels) or 'none'}; "
+                "rename files that share one"
             )
 
     def only(self, labels: Sequence[str]) -> "Protocol":

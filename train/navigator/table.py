@@ -58,11 +58,11 @@ class NavigationComparison:
                 raise ValueError(f"unknown navigator {name!r}; choose one of: {known}, or give a file")
         if len(set(self.navigators)) != len(self.navigators):
             raise ValueError(f"`navigators` must differ, got {', '.join(self.navigators)}")
-        if self.episodes < 1:
-            raise ValueError(f"`episodes` must be >= 1, got {self.episodes}")
         labels = [scene_label(scene) for scene in self.scenes]
         if len(set(labels)) != len(labels):
             raise ValueError(f"`scenes` must have different names in the rows, got {', '.join(labels)}")
+        if self.episodes < len(labels):
+            raise ValueError(f"`episodes` must be >= 1 for each of {len(labels)} scenes, got {self.episodes}")
 
 
 @dataclass(frozen=True)

@@ -30,5 +30,5 @@ def test_comparison_is_printed_and_written(tmp_path: Path, monkeypatch, capsys) 
 def test_unknown_names_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="unknown variant 'moon'"):
         main(["--variant", "moon", "--out", str(tmp_path)])
-    with pytest.raises(ValueError, match="`episodes` must be >= 1, got 0"):
+    with pytest.raises(ValueError, match="`episodes` must be >= 1 for each of 1 scenes, got 0"):
         main(["--evaluate", "--navigators", "oracle", "--episodes", "0"])

@@ -131,6 +131,16 @@ def test_line_of_the_table_is_what_a_hand_counts() -> None:
     assert line["soft_spl_half_width"] == pytest.approx(0.0)
 
 
+def test_scenes_without_an_episode_are_not_left_out_silently() -> None:
+    with pytest.raises(ValueError, match="`episodes` must be >= 1 for each of 2 scenes, got 1"):
+        NavigationComparison(["oracle"], SCENES, 1, 0.25, deterministic=False)
+
+
+def test_repeated_navigator_is_refused() -> None:
+    with pytest.raises(ValueError, match="`navigators` must differ, got oracle, oracle"):
+        NavigationComparison(["oracle", "oracle"], SCENES, 2, 0.25, deterministic=False)
+
+
 def test_unknown_navigator_is_refused() -> None:
     with pytest.raises(ValueError, match="unknown navigator 'walker'; choose one of: ddppo, "):
         NavigationComparison(["walker"], SCENES, 1, 0.25, deterministic=False)
