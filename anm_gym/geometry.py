@@ -16,6 +16,10 @@ from numpy.typing import ArrayLike, NDArray
 class CameraSpec:
     """A pinhole depth camera on the agent.
 
+    Raises:
+        TypeError: If a field is no number, or a size no whole one.
+        ValueError: If a field is out of its range.
+
     Source:
         Active Neural Mapping, Sec. 5.1: 256 x 256 pixels, 90 degrees, 1.25 m above the floor.
     """
@@ -36,10 +40,10 @@ class CameraSpec:
     def __post_init__(self) -> None:
         for name in ("width_px", "height_px"):
             if not isinstance(getattr(self, name), Integral):
-                raise ValueError(f"`{name}` must be a whole number of pixels, got {getattr(self, name)!r}")
+                raise TypeError(f"`{name}` must be a whole number of pixels, got {getattr(self, name)!r}")
         for name in ("hfov_deg", "sensor_height_m", "min_depth_m", "max_depth_m"):
             if not isinstance(getattr(self, name), Real):
-                raise ValueError(f"`{name}` must be a number, got {getattr(self, name)!r}")
+                raise TypeError(f"`{name}` must be a number, got {getattr(self, name)!r}")
         if self.width_px < 1 or self.height_px < 1:
             raise ValueError(
                 f"the image must have at least one pixel, got {self.width_px} x {self.height_px}"

@@ -37,7 +37,7 @@ def test_bfloat16_is_only_claimed_where_the_processor_has_it() -> None:
 
 
 def test_device_that_torch_does_not_know_is_refused() -> None:
-    with pytest.raises(ValueError, match="`device` must be one that torch knows, such as .* got 'gpu'"):
+    with pytest.raises(ValueError, match=r"`device` must be one that torch knows, such as .* got 'gpu'"):
         usable_device("gpu")
 
 

@@ -209,7 +209,7 @@ def test_rows_of_another_file_of_the_same_name_are_not_taken_for_this_one(tmp_pa
     first, second = (Evaluation(["fbe"], [str(mesh)], [0], out=tmp_path / "out") for mesh in meshes)
     evaluate(first, HERE, played_in)
     evaluate(first, HERE, lambda _: pytest.fail("played twice"))
-    with pytest.raises(ValueError, match="the rows of room in .* must come from .*b/room.glb as it is now"):
+    with pytest.raises(ValueError, match=r"the rows of room in .* must come from .*b/room.glb as it is now"):
         evaluate(second, HERE, played_in)
     meshes[0].write_text("changed")
     with pytest.raises(ValueError, match="write to another `--out` folder"):
