@@ -1,6 +1,6 @@
 """Checks that settings share: a misspelled choice must not run something else."""
 
-from dataclasses import fields
+from functools import cache
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 
@@ -13,12 +13,17 @@ def check_choices(settings: Any) -> None:
     Raises:
         ValueError: If there is such a value; the message lists the choices.
     """
-    hints = get_type_hints(type(settings))
-    for field in fields(settings):
-        value, hint = getattr(settings, field.name), hints[field.name]
-        if get_origin(hint) is Literal and value not in get_args(hint):
-            choices = ", ".join(map(str, get_args(hint)))
-            raise ValueError(f"`{field.name}` must be one of {choices}, got {value!r}")
+    for name, choices in _choices_of(type(settings)).items():
+        value = getattr(settings, name)
+        if value not in choices:
+            raise ValueError(f"`{name}` must be one of {', '.join(map(str, choices))}, got {value!r}")
+
+
+@cache
+def _choices_of(kind: type) -> dict[str, tuple[Any, ...]]:
+    """The allowed values of each field that has a `Literal`; kept, as settings are made while maps learn."""
+    hints = get_type_hints(kind)
+    return {name: get_args(hint) for name, hint in hints.items() if get_origin(hint) is Literal}
 
 
 def check_at_least(settings: Any, low: float, *names: str) -> None:

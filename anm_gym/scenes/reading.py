@@ -94,9 +94,9 @@ def _check_compression(path: Path, suffix: str) -> None:
     if suffix not in {".glb", ".gltf"}:
         return
     with path.open("rb") as file:
-        start = file.read(20)
-        length = int.from_bytes(start[12:16], "little") if suffix == ".glb" else path.stat().st_size - 20
-        text = file.read(max(length, 0)) if suffix == ".glb" else start + file.read()
+        # Behind 12 bytes of a .glb stand the length and the kind of its first part, which is the JSON.
+        head = file.read(20) if suffix == ".glb" else b""
+        text = file.read(int.from_bytes(head[12:16], "little") if head else -1)
     try:
         required = set(json.loads(text).get("extensionsRequired", ()))
     except (ValueError, AttributeError):
