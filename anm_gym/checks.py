@@ -13,7 +13,8 @@ def check_choices(settings: Any) -> None:
     Raises:
         ValueError: If there is such a value; the message lists the choices.
     """
-    for name, choices in _choices_of(type(settings)).items():
+    kind: Any = type(settings)
+    for name, choices in _choices_of(kind).items():
         value = getattr(settings, name)
         if value not in choices:
             raise ValueError(f"`{name}` must be one of {', '.join(map(str, choices))}, got {value!r}")
