@@ -151,17 +151,12 @@ def _write_pictures(job: Job, episode: Episode, surface: TriangleMesh | None) ->
 
 def _write_report(job: Job, episode: Episode, pictures: dict[str, Path]) -> Path:
     settings = [(name, json.dumps(values)) for name, values in episode.settings.items()]
-    repairs = episode.row["repairs"]
     cpu = [(module, f"{value:.2f} ms per step") for module, value in episode.row["cpu_ms"].items()]
     sections = [
         Section("Result", html.definitions(summary(episode.row))),
         *(Section(caption, html.image(path, path.name)) for caption, path in pictures.items()),
         Section("CPU time", html.definitions(cpu)),
-        *(
-            [Section("The scene's file", html.definitions([("repair", text) for text in repairs]))]
-            if repairs
-            else []
-        ),
+        *(Section("Repaired", html.paragraph(repair)) for repair in episode.row["repairs"]),
         Section("Settings", html.definitions([*settings, *versions().items()])),
     ]
     title = f"{agent_name(job.agent, job.preset)} in {scene_label(job.scene)}"
