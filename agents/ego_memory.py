@@ -4,6 +4,7 @@ The maps belong to the agent's observation, not to its network: GPS, compass and
 draw them, so a small recurrent network need not learn to. Everything is done for many agents at once.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Final, final
@@ -93,6 +94,13 @@ class EgoMemory:
         """Forget what one agent has seen."""
         self._cells[:, index] = 0
         self._position_xz[index] = np.nan
+
+    def keep(self, agents: Sequence[int]) -> None:
+        """Go on with some of the agents only, in the order given."""
+        self._cells = np.take(self._cells, agents, axis=1)
+        self._position_xz = self._position_xz[agents]
+        self._agents = np.arange(len(agents))
+        self._wave.keep(agents)
 
     def update(
         self,
@@ -205,9 +213,11 @@ class EgoMemory:
         self._mark(agent, _to_world_each(offsets, position_xz[agent], ahead_xz[agent]), FREE)
 
     def _mark(self, agent: NDArray[np.integer], points_xz: NDArray[np.float32], flag: np.uint8) -> None:
-        for scale, cell_m in enumerate(self._edges_m):
-            cells = np.floor(points_xz / np.float32(cell_m)).astype(np.int32) & (self.settings.grid_cells - 1)
-            self._cells[scale][agent, cells[:, 1], cells[:, 0]] |= flag
+        size = self.settings.grid_cells
+        first = agent.astype(np.int32) * (size * size)
+        for flags, cell_m in zip(self._cells, self._edges_m, strict=True):
+            cells = np.floor(points_xz / np.float32(cell_m)).astype(np.int32) & (size - 1)
+            flags.reshape(-1)[first + size * cells[:, 1] + cells[:, 0]] |= flag
 
 
 @dataclass(frozen=True, eq=False)

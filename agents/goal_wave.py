@@ -4,6 +4,7 @@ A planning layer in front of the network, as value iteration networks have one i
 counts as free, so the wave is as wrong as the memory is; what to make of it is learned.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, final
 
@@ -48,6 +49,11 @@ class GoalWave:
         self._low = np.zeros((num_agents, 2), np.int64)
         self._goal_xz = np.full((num_agents, 2), np.nan, np.float32)
         self._age = np.arange(num_agents) % settings.every_steps
+
+    def keep(self, agents: Sequence[int]) -> None:
+        """Go on with some of the agents only, in the order given."""
+        self._distance_m, self._low = self._distance_m[agents], self._low[agents]
+        self._goal_xz, self._age = self._goal_xz[agents], self._age[agents]
 
     def low_cells(self, position_xz: NDArray[np.float32]) -> NDArray[np.int64]:
         """Lower corners (x, z) of windows around (N, 2) places, in cells."""

@@ -1,5 +1,6 @@
 """A trained network at work: its recurrent state, and actions drawn from what it says."""
 
+from collections.abc import Sequence
 from typing import Any, final
 
 import numpy as np
@@ -31,6 +32,12 @@ class LearnedPolicy:
     def begin(self, index: int) -> None:
         """Forget an agent's past: a new episode, or a new goal."""
         self._starts[index] = 1.0
+
+    def keep(self, agents: Sequence[int]) -> None:
+        """Go on with some of the agents only, in the order given."""
+        hidden, cell = self._state
+        self._state = hidden[:, agents], cell[:, agents]
+        self._starts = self._starts[agents]
 
     @torch.no_grad()
     def log_probabilities(self, observation: dict[str, NDArray[Any]]) -> NDArray[np.float64]:

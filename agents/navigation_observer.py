@@ -3,6 +3,7 @@
 Training, evaluation and the seat under a goal wrapper all go through here, so they cannot differ.
 """
 
+from collections.abc import Sequence
 from typing import Any, Final, final
 
 import numpy as np
@@ -71,6 +72,15 @@ class NavigationObserver:
     def begin_goal(self, index: int) -> None:
         """Forget what an agent has done, but not what it has seen: a new goal, the same place."""
         self._previous[index] = NUM_PREVIOUS - 1
+
+    def keep(self, agents: Sequence[int]) -> None:
+        """Go on with some of the agents only, in the order given."""
+        self._sensor_height_m = self._sensor_height_m[agents]
+        self._forward_step_m = self._forward_step_m[agents]
+        self._previous = self._previous[agents]
+        self._reflexes.keep(agents)
+        if self._memory is not None:
+            self._memory.keep(agents)
 
     def note(self, actions: NDArray[np.integer]) -> None:
         """Take note of the actions that the N agents carry out now."""

@@ -5,6 +5,7 @@ be told from the observation alone: stopping where the goal is known to be out o
 walking again into what has just cut a step short.
 """
 
+from collections.abc import Sequence
 from typing import Final, final
 
 import numpy as np
@@ -40,6 +41,11 @@ class Reflexes:
         """Forget where an agent was."""
         self._position_xz[index] = np.inf
         self._blocked_rad[index] = []
+
+    def keep(self, agents: Sequence[int]) -> None:
+        """Go on with some of the agents only, in the order given."""
+        self._position_xz = self._position_xz[agents]
+        self._blocked_rad = [self._blocked_rad[agent] for agent in agents]
 
     def update(self, world_from_camera: NDArray[np.float32], previous: NDArray[np.integer]) -> None:
         """Take note of what the last actions came to.

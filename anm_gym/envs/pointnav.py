@@ -7,12 +7,13 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from anm_gym.actions import Action
-from anm_gym.envs.goals import MAX_STARTS, DistanceToPoint, GoalRange, draw_goal
+from anm_gym.envs.goals import MAX_STARTS, GoalRange, draw_goal
 from anm_gym.envs.mesh_env import UNBOUNDED, MeshEnv, Observation
 from anm_gym.envs.options import DEFAULT_SCENE, EpisodeOptions, MeshEnvSettings
 from anm_gym.envs.picture import Moment
 from anm_gym.errors import EpisodeError
 from anm_gym.geometry import pointgoal
+from anm_gym.sim.point_distance import DistanceToPoint
 
 SLACK_REWARD: Final = -0.01
 """Reward of every step (Habitat)."""

@@ -12,11 +12,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from anm_gym.envs.goals import MAX_STARTS, DistanceToPoint, GoalRange, draw_goal
+from anm_gym.envs.goals import MAX_STARTS, GoalRange, draw_goal
 from anm_gym.envs.shared_scenes import shared_scene
 from anm_gym.errors import EpisodeError
 from anm_gym.scenes.scene import Scene, Storey
 from anm_gym.sim.geodesic import GridGraph
+from anm_gym.sim.point_distance import DistanceToPoint
 from anm_gym.sim.traversable import TraversableGrid
 
 SAME_FLOOR_M: Final = 0.5

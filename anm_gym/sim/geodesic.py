@@ -67,8 +67,8 @@ class GridGraph:
         distance = dijkstra(self._graph, directed=False, indices=sources, min_only=True)
         return np.asarray(distance).reshape(self.free.shape)
 
-    def tree_from(self, cell: ArrayLike) -> GeodesicTree:
-        """Shortest paths from one free cell.
+    def tree_from(self, cell: ArrayLike, limit_m: float = np.inf) -> GeodesicTree:
+        """Shortest paths from one free cell; cells farther than the limit are as if unreachable.
 
         Raises:
             ValueError: If the cell is not free.
@@ -77,7 +77,11 @@ class GridGraph:
         if len(sources) == 0:
             raise ValueError(f"`cell` must be free, got {np.asarray(cell).tolist()}")
         distance, before = dijkstra(
-            self._graph, directed=False, indices=int(sources[0]), return_predecessors=True
+            self._graph,
+            directed=False,
+            indices=int(sources[0]),
+            return_predecessors=True,
+            limit=limit_m,
         )
         return GeodesicTree(np.asarray(distance).reshape(self.free.shape), np.asarray(before))
 

@@ -8,9 +8,9 @@ import pytest
 
 from agents.teacher import GeodesicTeacher
 from anm_gym.actions import Action
-from anm_gym.envs.goals import DistanceToPoint
 from anm_gym.geometry import CameraSpec
 from anm_gym.mesh import TriangleMesh
+from anm_gym.sim.point_distance import DistanceToPoint
 from anm_gym.sim.simulator import Simulator
 
 CAMERA = CameraSpec(width_px=4, height_px=4)

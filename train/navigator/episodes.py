@@ -64,16 +64,22 @@ def play_learned(
     policy = LearnedPolicy(net, count, seed, deterministic=deterministic)
     table = _Table(lockstep, net, policy, has_reflexes=has_reflexes)
     waiting = iter(enumerate(episodes))
-    playing = {
-        agent: table.deal(agent, episode) for agent, episode in zip(range(count), waiting, strict=False)
-    }
+    playing = [table.deal(agent, next(waiting)) for agent in range(count)]
     results: dict[int, dict[str, Any]] = {}
     while playing:
-        for agent in table.step(sorted(playing)):
-            results[playing.pop(agent)] = table.result(agent)
+        ended = table.step()
+        for agent in ended:
+            results[playing[agent]] = table.result(agent)
+        staying = list(range(len(playing)))
+        for agent in ended:
             following = next(waiting, None)
-            if following is not None:
+            if following is None:
+                staying.remove(agent)
+            else:
                 playing[agent] = table.deal(agent, following)
+        if len(staying) < len(playing):
+            playing = [playing[agent] for agent in staying]
+            table.keep(staying)
     return [results[index] for index in range(len(episodes))]
 
 
@@ -84,7 +90,7 @@ class _Table:
         self, lockstep: Lockstep, net: NavigatorNet, policy: LearnedPolicy, *, has_reflexes: bool
     ) -> None:
         envs: Any = lockstep.envs
-        self._lockstep, self._envs = lockstep, envs
+        self._lockstep, self._seats = lockstep, list(range(len(envs)))
         self._last: list[Transition | None] = [None] * len(envs)
         self._policy, self._has_reflexes = policy, has_reflexes
         self._observer = NavigationObserver(
@@ -98,15 +104,23 @@ class _Table:
     def deal(self, agent: int, numbered: tuple[int, NavigationEpisode]) -> int:
         """Begin an episode; returns its number."""
         number, episode = numbered
-        self._last[agent] = self._lockstep.reset(agent, episode.seed, {"scene": episode.scene})
+        seat, options = self._seats[agent], {"scene": episode.scene}
+        self._last[agent] = self._lockstep.reset(seat, episode.seed, options)
         self._observer.begin_episode(agent)
         self._policy.begin(agent)
         return number
 
-    def step(self, agents: Sequence[int]) -> list[int]:
-        """Step the agents that play; returns those whose episode has ended."""
-        # An agent without an episode stands still: its last observation is shown again.
-        observations = [self._transition(agent).observation for agent in range(len(self._envs))]
+    def keep(self, agents: Sequence[int]) -> None:
+        """Go on with some of the agents only; the others find no more to play."""
+        self._seats = [self._seats[agent] for agent in agents]
+        self._last = [self._last[agent] for agent in agents]
+        self._policy.keep(agents)
+        self._observer.keep(agents)
+
+    def step(self) -> list[int]:
+        """Step all agents; returns those whose episode has ended."""
+        agents = range(len(self._seats))
+        observations = [self._transition(agent).observation for agent in agents]
         pose, goal = (
             _stack(observations, key) for key in ("world_from_camera", "pointgoal_with_gps_compass")
         )
@@ -114,10 +128,7 @@ class _Table:
         allowed = self._observer.allowed(pose, goal) if self._has_reflexes else None
         actions = self._policy.act(shown, allowed)
         self._observer.note(actions)
-        transitions = self._lockstep.step(agents, actions[list(agents)])
-        self._last = list(self._last)
-        for agent, transition in zip(agents, transitions, strict=True):
-            self._last[agent] = transition
+        self._last = [*self._lockstep.step(self._seats, actions)]
         return [agent for agent in agents if self._transition(agent).has_ended]
 
     def result(self, agent: int) -> dict[str, Any]:
