@@ -84,16 +84,16 @@ class DistanceToPoint:
     def _pull_tight(self, path: Sequence[int], centers: NDArray[np.float64], known: int) -> int:
         """Find the way of a cell as far back on a path as no other corner is seen; returns which.
 
-        Lines of sight are looked at farther and farther back, and halfway where one ended.
+        The line of sight of the whole path is looked at first, then that of halves.
         """
         way = self._ways[path[known]]
-        seen, hidden, stride = known, -1, 1
+        seen, hidden = known, -1
         while seen - hidden > 1:
-            tried = max(seen - stride, 0) if hidden < 0 else (seen + hidden) // 2
+            tried = 0 if hidden < 0 else (seen + hidden) // 2
             if not self._is_free(centers[tried], way.corner_xz):
                 hidden = tried
                 continue
-            seen, stride = tried, 2 * stride
+            seen = tried
             if way.onward is not None and self._is_free(centers[tried], way.onward.corner_xz):
                 break
         reached = min(seen, known - 1)
