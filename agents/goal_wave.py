@@ -11,8 +11,6 @@ from typing import Final, final
 import numpy as np
 from numpy.typing import NDArray
 
-BLOCKED_COST: Final = 20.0
-"""Price of a metre through blocked cells: finite, so that a goal behind furniture still has a distance."""
 FAR_M: Final = 1e6
 
 
@@ -24,6 +22,8 @@ class GoalWaveSettings:
     """Edge of a cell, metres: a door is at least two of them wide, whatever its direction."""
     window_cells: int = 48
     """Rows and columns around the agent; at their rim the distance to the goal is as the crow flies."""
+    blocked_cost: float = 20.0
+    """Price of a metre through blocked cells: finite, so that a goal behind furniture has a distance."""
     every_steps: int = 4
     """Steps between two waves of an agent; agents take turns."""
     max_rounds: int = 160
@@ -120,14 +120,13 @@ def _relax(
 ) -> NDArray[np.float32]:
     """Spread waves over eight neighbours until nothing changes; corners of blocked cells are not cut."""
     step_m = np.float32(settings.cell_m)
-    price = np.where(blocked, np.float32(BLOCKED_COST), np.float32(1.0)) * step_m
+    price = np.where(blocked, np.float32(settings.blocked_cost), np.float32(1.0)) * step_m
+    blocked_m = settings.blocked_cost * step_m
     beside = np.pad(blocked, ((0, 0), (1, 1), (1, 1)))
     vertical = {row: beside[:, 1 + row : 1 + row + blocked.shape[1], 1:-1] for row in (-1, 1)}
     sideways = {column: beside[:, 1:-1, 1 + column : 1 + column + blocked.shape[2]] for column in (-1, 1)}
     corner = {
-        (row, column): np.where(vertical[row] | sideways[column], BLOCKED_COST * step_m, 0.0).astype(
-            np.float32
-        )
+        (row, column): np.where(vertical[row] | sideways[column], blocked_m, 0.0).astype(np.float32)
         for row in (-1, 1)
         for column in (-1, 1)
     }

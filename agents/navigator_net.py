@@ -31,6 +31,8 @@ WORK_WINDOW_CELLS: Final = 96
 """Window of the wave when a trained network is used: 19 m instead of 10 m."""
 WORK_ROUNDS: Final = 400
 """Rounds that such a wave may take."""
+WORK_BLOCKED_COST: Final = 60.0
+"""Price of a metre through what is blocked: a wall that is seen is then worth a way round of 12 m, not 4."""
 State = tuple[Tensor, Tensor]
 
 
@@ -65,12 +67,17 @@ class NavigatorNetSettings:
         return cls(**{**values, "memory": EgoMemorySettings(**memory)})
 
     def at_work(self) -> "NavigatorNetSettings":
-        """The same with a wider wave than in training, where a small one is cheaper.
+        """The same with a wave that reaches farther than in training, and round longer walls.
 
         The network is shown crops of the wave only, so it may have spread from farther away.
         """
         wave = self.memory.wave
-        wider = replace(wave, window_cells=max(WORK_WINDOW_CELLS, wave.window_cells), max_rounds=WORK_ROUNDS)
+        wider = replace(
+            wave,
+            window_cells=max(WORK_WINDOW_CELLS, wave.window_cells),
+            max_rounds=WORK_ROUNDS,
+            blocked_cost=max(WORK_BLOCKED_COST, wave.blocked_cost),
+        )
         return replace(self, memory=replace(self.memory, wave=wider))
 
     def as_dict(self) -> dict[str, Any]:

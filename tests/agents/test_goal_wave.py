@@ -1,10 +1,13 @@
 """The wave from the goal: distances over free cells, round what is blocked, never through a wall's corner."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from agents.ego_memory import EgoMemory, EgoMemorySettings
-from agents.goal_wave import BLOCKED_COST, GoalWave, GoalWaveSettings
+from agents.goal_wave import GoalWave, GoalWaveSettings
+from agents.navigator_net import NavigatorNetSettings
 from anm_gym.actions import Action
 from anm_gym.geometry import CameraSpec, camera_pose
 
@@ -53,7 +56,7 @@ def test_wave_does_not_slip_between_cells_that_touch_at_a_corner() -> None:
     cells = np.arange(48)
     blocked[0, cells, cells] = True
     wave = spread((1.1, -1.1), blocked)
-    through = BLOCKED_COST * SETTINGS.cell_m
+    through = SETTINGS.blocked_cost * SETTINGS.cell_m
     assert at(wave, -0.7, 0.7) > through
     assert at(wave, 1.5, -0.7) < 1.0
 
@@ -87,3 +90,15 @@ def test_maps_show_the_way_round_a_wall_that_was_seen() -> None:
     near = memory.waves(pose, goal)[0, 0].astype(int)
     size = EgoMemorySettings().crop_cells
     assert near[8:14, size // 2 + 4].mean() > near[8:14, size // 2 - 6].mean()
+
+
+def test_at_work_a_wall_is_gone_round_where_training_went_through() -> None:
+    wall, goals = wall_at_x(1.0, -4.0, 4.0), np.array([[2.0, 0.0]], np.float32)
+    training, work = NavigatorNetSettings().memory.wave, NavigatorNetSettings().at_work().memory.wave
+    distances_m = []
+    for settings in (training, replace(work, window_cells=training.window_cells)):
+        wave = GoalWave(1, settings)
+        wave.spread(np.array([0]), wave.low_cells(HERE), wall, goals)
+        distances_m.append(at(wave, 0.1, 0.1))
+    through_m, round_m = 2.0 + training.blocked_cost * training.cell_m, 2.0 * np.hypot(1.0, 4.0)
+    np.testing.assert_allclose(distances_m, [through_m, round_m], rtol=0.15)
