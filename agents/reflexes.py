@@ -1,8 +1,8 @@
 """Moves that a learned navigator need not try: what the goal sensor and the last steps already tell.
 
-A policy is drawn from a distribution, so a rare mistake happens once in a long episode. Two mistakes can
-be told from the observation alone: stopping where the goal is known to be out of reach of success, and
-walking again into what has just cut a step short.
+A policy is drawn from a distribution, so a rare mistake happens once in a long episode. Three mistakes can
+be told from the observation alone: stopping where the goal is known to be out of reach of success,
+walking again into what has just cut a step short, and turning to and fro on the spot.
 """
 
 from collections.abc import Sequence
@@ -14,15 +14,22 @@ from numpy.typing import NDArray
 from anm_gym.actions import Action
 from anm_gym.geometry import heading_of, wrap_angle
 
+FAR_M: Final = 1e9
+"""Where an agent was before its episode: nowhere near, metres."""
 MOVED_M: Final = 0.02
 """An agent that moved farther is at another place, metres."""
 SAME_RAD: Final = float(np.deg2rad(5.1))
 """Headings that differ less are the same, radians: half a turn."""
+SPOT_M: Final = 0.4
+"""An agent that stays within this of a place is on one spot, metres."""
+MAX_TURNS: Final = 24
+"""Turns on one spot after which no turn is taken back: two thirds of the way round."""
+_TURNS: Final = (int(Action.TURN_LEFT), int(Action.TURN_RIGHT))
 
 
 @final
 class Reflexes:
-    """Remember in which headings each of N agents could not move from where it stands.
+    """Remember in which headings each of N agents could not move, and how often it turned on the spot.
 
     Args:
         num_agents: N.
@@ -34,18 +41,22 @@ class Reflexes:
 
     def __init__(self, num_agents: int, success_m: float = 0.2) -> None:
         self._success_m = success_m
-        self._position_xz = np.full((num_agents, 2), np.inf)
+        self._position_xz = np.full((num_agents, 2), FAR_M)
         self._blocked_rad: list[list[float]] = [[] for _ in range(num_agents)]
+        self._spot_xz = np.full((num_agents, 2), FAR_M)
+        self._turns = np.zeros(num_agents, np.int64)
+        self._last_turn = np.full(num_agents, _TURNS[0])
 
     def begin(self, index: int) -> None:
         """Forget where an agent was."""
-        self._position_xz[index] = np.inf
+        self._position_xz[index] = self._spot_xz[index] = FAR_M
         self._blocked_rad[index] = []
 
     def keep(self, agents: Sequence[int]) -> None:
         """Go on with some of the agents only, in the order given."""
-        self._position_xz = self._position_xz[agents]
+        self._position_xz, self._spot_xz = self._position_xz[agents], self._spot_xz[agents]
         self._blocked_rad = [self._blocked_rad[agent] for agent in agents]
+        self._turns, self._last_turn = self._turns[agents], self._last_turn[agents]
 
     def update(self, world_from_camera: NDArray[np.float32], previous: NDArray[np.integer]) -> None:
         """Take note of what the last actions came to.
@@ -60,6 +71,11 @@ class Reflexes:
             self._blocked_rad[index], self._position_xz[index] = [], position_xz[index]
         for index in np.flatnonzero(~moved & (previous == int(Action.MOVE_FORWARD))):
             self._blocked_rad[index].append(heading_of(world_from_camera[index]))
+        is_turn = np.isin(previous, _TURNS)
+        has_left = np.linalg.norm(position_xz - self._spot_xz, axis=1) > SPOT_M
+        self._spot_xz = np.where(has_left[:, None], position_xz, self._spot_xz)
+        self._turns = np.where(has_left, 0, self._turns + is_turn)
+        self._last_turn = np.where(is_turn, previous, self._last_turn)
 
     def allowed(
         self, world_from_camera: NDArray[np.float32], distance_m: NDArray[np.floating]
@@ -71,7 +87,7 @@ class Reflexes:
             distance_m: (N,) distances to the goals, metres.
 
         Returns:
-            (N, actions) bool; turns are always allowed.
+            (N, actions) bool; one turn at least is always allowed.
         """
         allowed = np.ones((len(distance_m), len(Action)), bool)
         allowed[:, int(Action.STOP)] = distance_m < self._success_m
@@ -79,4 +95,6 @@ class Reflexes:
             heading = heading_of(world_from_camera[index])
             if any(abs(wrap_angle(heading - other)) < SAME_RAD for other in blocked):
                 allowed[index, int(Action.MOVE_FORWARD)] = False
+        for turn, back in (_TURNS, _TURNS[::-1]):
+            allowed[(self._turns >= MAX_TURNS) & (self._last_turn == turn), back] = False
         return allowed

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from agents.reflexes import Reflexes
+from agents.reflexes import MAX_TURNS, Reflexes
 from anm_gym.actions import Action
 from anm_gym.geometry import camera_pose
 
@@ -46,3 +46,21 @@ def test_new_episode_forgets() -> None:
     assert not reflexes.allowed(pose(0, 0, 0), FAR)[0, FORWARD]
     reflexes.begin(0)
     assert reflexes.allowed(pose(0, 0, 0), FAR)[0, FORWARD]
+
+
+def test_agent_that_turns_to_and_fro_on_one_spot_may_not_turn_back_until_it_leaves() -> None:
+    reflexes, left, right = Reflexes(2), int(Action.TURN_LEFT), int(Action.TURN_RIGHT)
+
+    def step(x: float, actions: list[int]) -> list[list[int]]:
+        poses = np.concatenate([pose(x, 0, 0), pose(9.0, 0, 0)])
+        reflexes.update(poses, np.array(actions))
+        allowed = reflexes.allowed(poses, FAR.repeat(2))
+        return [np.flatnonzero(row[[left, right]]).tolist() for row in allowed]
+
+    step(0.0, [STOP, STOP])
+    for count in range(MAX_TURNS):
+        turns = step(0.01 * count, [right if count % 2 else left, FORWARD])
+        assert turns == ([[0, 1], [0, 1]] if count < MAX_TURNS - 1 else [[1], [0, 1]])
+    assert step(0.3, [FORWARD, FORWARD])[0] == [1]
+    assert step(0.3, [left, FORWARD])[0] == [0]
+    assert step(0.8, [FORWARD, FORWARD])[0] == [0, 1]
