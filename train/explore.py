@@ -5,7 +5,7 @@ Command: ``python -m train.explore --scene house.glb --agent anm:best --out runs
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from jsonargparse import auto_cli
@@ -25,6 +25,13 @@ from train.reconstruction import CUT_ABOVE_FLOOR_M, dollhouse_picture, save_ply
 from train.recorder import Progress, find_attribute
 from train.results import Row, write_json
 from train.tables.measures import MEASURES, OFFICIAL_MEASURES, agent_name, value_of
+
+MAP_FILE: Final = "map.safetensors"
+"""The neural map, of agents that have one."""
+SURFACE_FILE: Final = "reconstruction.ply"
+"""Its surface, if it has one."""
+SURFACE_PICTURE: Final = "reconstruction.png"
+"""A picture of that."""
 
 
 def explore(
@@ -52,6 +59,8 @@ def explore(
     prepare_worker()
     job = Job(*split_agent(agent), scene, seed, steps, folder, env or {})
     folder.mkdir(parents=True, exist_ok=True)  # now rather than after the episode
+    for name in (MAP_FILE, SURFACE_FILE, SURFACE_PICTURE):  # not every agent writes them
+        (folder / name).unlink(missing_ok=True)
     with tqdm(total=steps, unit="step", delay=1.0) as bar:
         episode = run_job(job, _progress(bar))
     episode.trajectory.save(folder / "trajectory.npz")
@@ -113,12 +122,12 @@ def _write_map(job: Job, episode: Episode) -> TriangleMesh | None:
     neural_map = find_attribute(episode.env, "neural_map")
     if neural_map is None:
         return None
-    save_map(neural_map, job.out / "map.safetensors")
+    save_map(neural_map, job.out / MAP_FILE)
     surface = neural_map.mesh()
     if len(surface.faces) == 0:
         return None
     mesh = TriangleMesh(np.asarray(surface.vertices, np.float64), np.asarray(surface.faces, np.int32))
-    save_ply(job.out / "reconstruction.ply", mesh)
+    save_ply(job.out / SURFACE_FILE, mesh)
     return mesh
 
 
@@ -144,7 +153,7 @@ def _write_pictures(job: Job, episode: Episode, surface: TriangleMesh | None) ->
         "The scene itself": save_picture(out / "scene.png", dollhouse_picture(scene.storey_mesh, cut_y_m)),
     }
     if surface is not None:
-        picture = save_picture(out / "reconstruction.png", dollhouse_picture(surface, cut_y_m))
+        picture = save_picture(out / SURFACE_PICTURE, dollhouse_picture(surface, cut_y_m))
         result = {"Reconstructed surface, coloured by height": picture} | result
     return result
 

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from train.explore import explore, summary
+from train.explore import MAP_FILE, SURFACE_FILE, SURFACE_PICTURE, explore, summary
 from train.replay import main as replay_main
 from train.replay import replay
 from train.trajectory import Trajectory
@@ -110,3 +110,10 @@ def test_neural_map_and_its_surface_are_left_as_files(room_file, tmp_path):
     assert (tmp_path / "map.safetensors").stat().st_size > 10_000
     assert (tmp_path / "reconstruction.png").exists()
     assert 0.0 < row["mad_cm"] < 100.0
+
+
+def test_agent_without_a_map_leaves_none_of_another_agent(room_file, tmp_path):
+    for name in (MAP_FILE, SURFACE_FILE, SURFACE_PICTURE):
+        (tmp_path / name).write_bytes(b"of an earlier episode")
+    explore(str(room_file), "random", steps=2, out=tmp_path, env=CAMERA)
+    assert not {MAP_FILE, SURFACE_FILE, SURFACE_PICTURE} & {path.name for path in tmp_path.iterdir()}
