@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from anm_gym.metrics.depth_patches import PATCH_PX, DepthPatches
 from anm_gym.metrics.depth_view import DepthView
 from anm_gym.metrics.sample_blocks import InView, SampleBlocks
 
@@ -91,10 +92,11 @@ class NearestObserved:
         return queries
 
     def _improve_windows(self, view: DepthView, queries: "_Queries") -> None:
-        """Try every pixel of the windows that hold more than the one tried."""
+        """Try the pixels of the windows that hold more than the one tried."""
         windows = queries.windows(self._best[queries.index], view)
         many = np.flatnonzero(windows.num_pixels > 1)
-        queries, windows = queries.take(many), windows.take(many)
+        patches = DepthPatches(view)
+        queries, windows = self._narrowed(patches, queries.take(many), windows.take(many))
         ends = np.cumsum(windows.num_pixels)
         start = 0
         while start < len(ends):
@@ -103,12 +105,22 @@ class NearestObserved:
             self._improve_pairs(view, queries.take(slice(start, stop)), windows.take(slice(start, stop)))
             start = stop
 
+    def _narrowed(
+        self, patches: DepthPatches, queries: "_Queries", windows: "_Windows"
+    ) -> tuple["_Queries", "_Windows"]:
+        """Cut windows into patches, each with the sample again, and leave out those out of reach."""
+        sample, row, column = windows.patched().pairs()
+        queries = queries.take(sample)
+        points = np.stack([queries.x, queries.y, queries.depth])
+        reached = patches.reach(row * patches.columns + column, points, self._best[queries.index])
+        kept = np.flatnonzero(reached)
+        return queries.take(kept), windows.take(sample[kept]).within(row[kept], column[kept])
+
     def _improve_pairs(self, view: DepthView, queries: "_Queries", windows: "_Windows") -> None:
         sample, rows, columns = windows.pairs()
         distance = queries.take(sample).distance_to(view, rows, columns)
         starts = np.cumsum(windows.num_pixels) - windows.num_pixels
-        nearest = np.minimum.reduceat(distance, starts)
-        self._best[queries.index] = np.minimum(self._best[queries.index], nearest)
+        np.minimum.at(self._best, queries.index, np.minimum.reduceat(distance, starts))
 
     def _observe_close(
         self, view: DepthView, index: NDArray[np.int64], camera_points: NDArray[np.float32]
@@ -196,6 +208,20 @@ class _Windows:
     def take(self, which: NDArray[np.int64] | slice) -> "_Windows":
         columns = (self.row_low, self.row_high, self.column_low, self.column_high)
         return _Windows(*(array[which] for array in columns))
+
+    def patched(self) -> "_Windows":
+        """The patches that the windows touch, instead of their pixels."""
+        sides = (self.row_low, self.row_high, self.column_low, self.column_high)
+        return _Windows(*(side // PATCH_PX for side in sides))
+
+    def within(self, row: NDArray[np.int32], column: NDArray[np.int32]) -> "_Windows":
+        """What lies in one patch of each window."""
+        return _Windows(
+            np.maximum(self.row_low, PATCH_PX * row),
+            np.minimum(self.row_high, PATCH_PX * row + PATCH_PX - 1),
+            np.maximum(self.column_low, PATCH_PX * column),
+            np.minimum(self.column_high, PATCH_PX * column + PATCH_PX - 1),
+        )
 
     def pairs(self) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.int32]]:
         """List (window, row, column) of every pixel, window by window."""
