@@ -10,10 +10,13 @@ from scipy.spatial import cKDTree
 from anm_gym.actions import FORWARD_STEP_M, TURN_STEP_DEG
 from anm_gym.metrics.view_table import ViewTable
 from anm_gym.sim.geodesic import GeodesicTree, GridGraph, nearest_free_cell
+from anm_gym.sim.grid import GridFrame
 from anm_gym.sim.traversable import TraversableGrid
 
-_TREE_MEMORY_BYTES: Final = 100_000_000
+_TREE_MEMORY_BYTES: Final = 300_000_000
 _BYTES_PER_CELL: Final = 12
+_MAX_CELLS: Final = 200_000
+"""Ways over a larger floor are planned on wider cells: the oracle plans thousands of them for a tour."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +44,7 @@ class Way:
 
 
 class WayPlanner:
-    """Plan ways on the true traversable grid between poses of a view table."""
+    """Plan ways on the true traversable floor between poses of a view table."""
 
     def __init__(
         self,
@@ -61,25 +64,26 @@ class WayPlanner:
             forward_step_m: Length of a forward step, metres.
             turn_step_rad: Angle of a turn, radians.
         """
-        self._table, self._grid = table, grid
-        self._stride = max(1, round(waypoint_m / grid.frame.cell_m))
+        self._table = table
+        self._frame, navigable = _widened(grid)
+        self._stride = max(1, round(waypoint_m / self._frame.cell_m))
         self._forward_step_m, self._turn_step_rad = forward_step_m, turn_step_rad
-        self._graph = GridGraph(grid.navigable, grid.frame.cell_m)
-        self._cells = grid.frame.cells_of(table.positions_xz)
+        self._graph = GridGraph(navigable, self._frame.cell_m)
+        self._cells = self._frame.cells_of(table.positions_xz)
         self._nearest = cKDTree(table.positions_xz)
         self._trees: dict[int, GeodesicTree] = {}
 
     def place(self, position_xz: NDArray[np.float64], heading_rad: float) -> Place | None:
         """Stand at a floor point; None if no navigable cell is near."""
-        cell = self._grid.frame.cells_of(position_xz)[0]
-        start = nearest_free_cell(self._grid.navigable, cell, 10)
+        cell = self._frame.cells_of(position_xz)[0]
+        start = nearest_free_cell(self._graph.free, cell, 10)
         return None if start is None else Place(position_xz, heading_rad, self._graph.tree_from(start))
 
     def place_at(self, pose: tuple[int, int]) -> Place:
         """Stand at a pose of the table; its paths are kept for the next time."""
         row, column = pose
         if row not in self._trees:
-            if len(self._trees) * self._grid.component.size * _BYTES_PER_CELL > _TREE_MEMORY_BYTES:
+            if len(self._trees) * self._graph.free.size * _BYTES_PER_CELL > _TREE_MEMORY_BYTES:
                 self._trees.clear()
             self._trees[row] = self._graph.tree_from(self._cells[row])
         heading_rad = float(self._table.headings_rad[column])
@@ -126,7 +130,7 @@ class WayPlanner:
     def _waypoints(self, place: Place, row: int) -> NDArray[np.float64]:
         cells = place.tree.path_to(self._cells[row])
         assert cells is not None, "a way is asked for to reachable poses only"
-        inner = self._grid.frame.centers_of(cells[self._stride : -1 : self._stride].reshape(-1, 2))
+        inner = self._frame.centers_of(cells[self._stride : -1 : self._stride].reshape(-1, 2))
         return np.concatenate([place.position_xz[None], inner, self._table.positions_xz[row][None]])
 
     def _sweep(self, from_rad: float, to_rad: float) -> NDArray[np.float64]:
@@ -138,6 +142,21 @@ class WayPlanner:
     def _columns(self, headings_rad: NDArray[np.float64]) -> NDArray[np.int64]:
         count = len(self._table.headings_rad)
         return np.asarray(np.rint(headings_rad * count / (2.0 * np.pi)).astype(np.int64) % count)
+
+
+def _widened(grid: TraversableGrid) -> tuple[GridFrame, NDArray[np.bool_]]:
+    """The navigable floor on cells so wide that there are not too many; one free cell makes a wide one free.
+
+    Walls stay shut, as the body's width is on both sides of them.
+    """
+    free = grid.navigable
+    factor = int(np.ceil(np.sqrt(free.size / _MAX_CELLS)))
+    if factor <= 1:
+        return grid.frame, free
+    padded = np.pad(free, [(0, -side % factor) for side in free.shape])
+    rows, columns = (side // factor for side in padded.shape)
+    wide = np.asarray(padded.reshape(rows, factor, columns, factor).any(axis=(1, 3)))
+    return GridFrame(grid.frame.origin_xz, factor * grid.frame.cell_m, wide.shape), wide
 
 
 def _wrapped(angles_rad: NDArray[np.float64]) -> NDArray[np.float64]:

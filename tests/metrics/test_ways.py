@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from anm_gym.metrics import ways
 from anm_gym.metrics.view_table import ViewTable, pack
 from anm_gym.metrics.ways import WayPlanner
 from anm_gym.sim.traversable import TraversableGrid
@@ -57,3 +58,15 @@ def test_beside_the_floor_there_is_no_place(planner):
 
 def test_positions_are_found_by_distance(planner):
     assert sorted(planner.positions_within(np.array([-3.0, 0.0]), 1.1)) == [0, 1]
+
+
+def test_large_floors_are_planned_on_wider_cells_at_about_the_same_cost(table, corridor, monkeypatch):
+    grid = TraversableGrid.from_mesh(corridor, 0.0)
+    costs = []
+    for max_cells in (10**9, grid.component.size // 8):
+        monkeypatch.setattr(ways, "_MAX_CELLS", max_cells)
+        planner = WayPlanner(table, grid, forward_step_m=0.1, turn_step_rad=np.pi / 18)
+        start = planner.place(np.array([-4.0, 0.0]), -np.pi / 2)
+        costs.append(planner.way(start, (4, AHEAD_X), table.bits).cost_steps)
+    assert planner.place_at((0, 0)).tree.distance_m.size < grid.component.size / 8
+    assert costs[1] == pytest.approx(costs[0], rel=0.1)
