@@ -97,7 +97,7 @@ class EgoMemory:
 
     def keep(self, agents: Sequence[int]) -> None:
         """Go on with some of the agents only, in the order given."""
-        self._cells = np.take(self._cells, agents, axis=1)
+        self._cells = np.take(self._cells, agents, axis=1)  # contiguous, as `_mark` needs it
         self._position_xz = self._position_xz[agents]
         self._agents = np.arange(len(agents))
         self._wave.keep(agents)

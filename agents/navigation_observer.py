@@ -71,6 +71,7 @@ class NavigationObserver:
 
     def begin_goal(self, index: int) -> None:
         """Forget what an agent has done, but not what it has seen: a new goal, the same place."""
+        self._reflexes.begin_goal(index)
         self._previous[index] = NUM_PREVIOUS - 1
 
     def keep(self, agents: Sequence[int]) -> None:

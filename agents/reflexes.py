@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from anm_gym.actions import Action
 from anm_gym.geometry import heading_of, wrap_angle
 
-FAR_M: Final = 1e9
+_FAR_M: Final = 1e9
 """Where an agent was before its episode: nowhere near, metres."""
 MOVED_M: Final = 0.02
 """An agent that moved farther is at another place, metres."""
@@ -23,7 +23,7 @@ SAME_RAD: Final = float(np.deg2rad(5.1))
 SPOT_M: Final = 0.4
 """An agent that stays within this of a place is on one spot, metres."""
 MAX_TURNS: Final = 24
-"""Turns on one spot after which no turn is taken back: two thirds of the way round."""
+"""Turns on one spot after which no turn is taken back: two thirds of the way round, at 10 degrees a turn."""
 _TURNS: Final = (int(Action.TURN_LEFT), int(Action.TURN_RIGHT))
 
 
@@ -41,16 +41,21 @@ class Reflexes:
 
     def __init__(self, num_agents: int, success_m: float = 0.2) -> None:
         self._success_m = success_m
-        self._position_xz = np.full((num_agents, 2), FAR_M)
+        self._position_xz = np.full((num_agents, 2), _FAR_M)
         self._blocked_rad: list[list[float]] = [[] for _ in range(num_agents)]
-        self._spot_xz = np.full((num_agents, 2), FAR_M)
+        self._spot_xz = np.full((num_agents, 2), _FAR_M)
         self._turns = np.zeros(num_agents, np.int64)
         self._last_turn = np.full(num_agents, _TURNS[0])
 
     def begin(self, index: int) -> None:
         """Forget where an agent was."""
-        self._position_xz[index] = self._spot_xz[index] = FAR_M
+        self._position_xz[index] = self._spot_xz[index] = _FAR_M
         self._blocked_rad[index] = []
+        self._turns[index] = 0
+
+    def begin_goal(self, index: int) -> None:
+        """Forget how often an agent has turned; where it could not move stays known."""
+        self._turns[index] = 0
 
     def keep(self, agents: Sequence[int]) -> None:
         """Go on with some of the agents only, in the order given."""

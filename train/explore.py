@@ -59,10 +59,10 @@ def explore(
     prepare_worker()
     job = Job(*split_agent(agent), scene, seed, steps, folder, env or {})
     folder.mkdir(parents=True, exist_ok=True)  # now rather than after the episode
-    for name in (MAP_FILE, SURFACE_FILE, SURFACE_PICTURE):  # not every agent writes them
-        (folder / name).unlink(missing_ok=True)
     with tqdm(total=steps, unit="step", delay=1.0) as bar:
         episode = run_job(job, _progress(bar))
+    for name in (MAP_FILE, SURFACE_FILE, SURFACE_PICTURE):  # not every agent writes them
+        (folder / name).unlink(missing_ok=True)
     episode.trajectory.save(folder / "trajectory.npz")
     _write_settings(job, episode)
     surface = _write_map(job, episode)

@@ -32,9 +32,9 @@ class GoalRange:
     """Longest geodesic distance, metres."""
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.min_m < self.max_m:
+        if not 0.0 < self.min_m < self.max_m < np.inf:
             raise ValueError(
-                "`min_distance_m` must be > 0 and less than `max_distance_m`, "
+                "`min_distance_m` must be > 0 and less than `max_distance_m`, which must be finite, "
                 f"got {self.min_m} and {self.max_m}"
             )
 

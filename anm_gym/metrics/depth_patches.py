@@ -24,7 +24,7 @@ class DepthPatches:
             view: The frame; a patch without a depth is beyond everything.
         """
         near_m = _pooled(np.minimum, np.where(view.is_valid, view.depth_m, _FAR_M))
-        far_m = np.maximum(_pooled(np.maximum, view.depth_m), near_m * (near_m == _FAR_M))
+        far_m = np.where(near_m == _FAR_M, _FAR_M, _pooled(np.maximum, view.depth_m))
         left, right = _rims(view.depth_m.shape[1], view.center_column, view.focal)
         top, bottom = _rims(view.depth_m.shape[0], view.center_row, view.focal)
         across_low, across_high = _extent(left, right, near_m, far_m)
@@ -34,7 +34,7 @@ class DepthPatches:
         self._low = np.stack([across_low.ravel(), -down_high.ravel(), near_m.ravel()])
         self._high = np.stack([across_high.ravel(), -down_low.ravel(), far_m.ravel()])
 
-    def reach(
+    def in_reach(
         self, patch: NDArray[np.integer], camera_points: NDArray[np.float32], radius_m: NDArray[np.float32]
     ) -> NDArray[np.bool_]:
         """Tell whether a patch can have a point within a distance of a sample.

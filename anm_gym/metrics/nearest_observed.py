@@ -5,6 +5,7 @@ is a grid, so the pixels that can lie within a distance of a sample form a small
 projection; the window shrinks with the best distance known, and most samples then have no pixel in it.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -95,15 +96,11 @@ class NearestObserved:
         """Try the pixels of the windows that hold more than the one tried."""
         windows = queries.windows(self._best[queries.index], view)
         many = np.flatnonzero(windows.num_pixels > 1)
-        patches = DepthPatches(view)
-        queries, windows = self._narrowed(patches, queries.take(many), windows.take(many))
-        ends = np.cumsum(windows.num_pixels)
-        start = 0
-        while start < len(ends):
-            done = ends[start - 1] if start else 0
-            stop = max(start + 1, int(np.searchsorted(ends, done + _PAIRS_PER_CHUNK, side="right")))
-            self._improve_pairs(view, queries.take(slice(start, stop)), windows.take(slice(start, stop)))
-            start = stop
+        queries, windows, patches = queries.take(many), windows.take(many), DepthPatches(view)
+        for some in _chunks(windows.patched().num_pixels):
+            found = self._narrowed(patches, queries.take(some), windows.take(some))
+            for part in _chunks(found[1].num_pixels):
+                self._improve_pairs(view, found[0].take(part), found[1].take(part))
 
     def _narrowed(
         self, patches: DepthPatches, queries: "_Queries", windows: "_Windows"
@@ -112,7 +109,7 @@ class NearestObserved:
         sample, row, column = windows.patched().pairs()
         queries = queries.take(sample)
         points = np.stack([queries.x, queries.y, queries.depth])
-        reached = patches.reach(row * patches.columns + column, points, self._best[queries.index])
+        reached = patches.in_reach(row * patches.columns + column, points, self._best[queries.index])
         kept = np.flatnonzero(reached)
         return queries.take(kept), windows.take(sample[kept]).within(row[kept], column[kept])
 
@@ -133,6 +130,16 @@ class NearestObserved:
         samples = camera_points.T * np.array([1.0, 1.0, -1.0], np.float32)
         distance, _ = cKDTree(points).query(samples, distance_upper_bound=self.reach_m)
         self._best[index] = np.minimum(self._best[index], distance.astype(np.float32))
+
+
+def _chunks(counts: NDArray[np.int32]) -> Iterator[slice]:
+    """Cut a list of windows into parts of about `_PAIRS_PER_CHUNK` pixels or patches."""
+    ends, start = np.cumsum(counts), 0
+    while start < len(ends):
+        done = ends[start - 1] if start else 0
+        stop = max(start + 1, int(np.searchsorted(ends, done + _PAIRS_PER_CHUNK, side="right")))
+        yield slice(start, stop)
+        start = stop
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,9 @@ from anm_gym.sim.traversable import TraversableGrid
 _TREE_MEMORY_BYTES: Final = 300_000_000
 _BYTES_PER_CELL: Final = 12
 _MAX_CELLS: Final = 200_000
-"""Ways over a larger floor are planned on wider cells: the oracle plans thousands of them for a tour."""
+"""Ways over a larger floor are planned on cells of twice the width: a tour takes thousands of them."""
+_START_M: Final = 0.5
+"""How far from a navigable cell a place may be, metres."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +30,7 @@ class Place:
     heading_rad: float
     """Heading, radians."""
     tree: GeodesicTree
-    """Shortest paths over the true traversable grid."""
+    """Shortest paths over the true floor."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +78,7 @@ class WayPlanner:
     def place(self, position_xz: NDArray[np.float64], heading_rad: float) -> Place | None:
         """Stand at a floor point; None if no navigable cell is near."""
         cell = self._frame.cells_of(position_xz)[0]
-        start = nearest_free_cell(self._graph.free, cell, 10)
+        start = nearest_free_cell(self._graph.free, cell, round(_START_M / self._frame.cell_m))
         return None if start is None else Place(position_xz, heading_rad, self._graph.tree_from(start))
 
     def place_at(self, pose: tuple[int, int]) -> Place:
@@ -145,18 +147,17 @@ class WayPlanner:
 
 
 def _widened(grid: TraversableGrid) -> tuple[GridFrame, NDArray[np.bool_]]:
-    """The navigable floor on cells so wide that there are not too many; one free cell makes a wide one free.
+    """The navigable floor, on cells of twice the width if it is large; one free cell makes a wide one free.
 
-    Walls stay shut, as the body's width is on both sides of them.
+    Walls stay shut, as the body's radius is on both sides of them; still wider cells would open thin ones.
     """
     free = grid.navigable
-    factor = int(np.ceil(np.sqrt(free.size / _MAX_CELLS)))
-    if factor <= 1:
+    if free.size <= _MAX_CELLS:
         return grid.frame, free
-    padded = np.pad(free, [(0, -side % factor) for side in free.shape])
-    rows, columns = (side // factor for side in padded.shape)
-    wide = np.asarray(padded.reshape(rows, factor, columns, factor).any(axis=(1, 3)))
-    return GridFrame(grid.frame.origin_xz, factor * grid.frame.cell_m, wide.shape), wide
+    padded = np.pad(free, [(0, side % 2) for side in free.shape])
+    rows, columns = (side // 2 for side in padded.shape)
+    wide = np.asarray(padded.reshape(rows, 2, columns, 2).any(axis=(1, 3)))
+    return GridFrame(grid.frame.origin_xz, 2.0 * grid.frame.cell_m, wide.shape), wide
 
 
 def _wrapped(angles_rad: NDArray[np.float64]) -> NDArray[np.float64]:

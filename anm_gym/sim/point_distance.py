@@ -16,9 +16,10 @@ class DistanceToPoint:
     """Geodesic distance from anywhere on the floor to one fixed point.
 
     Shortest paths over the grid's eight neighbours are up to 8 % too long. They are pulled tight
-    here: each cell on a path takes over the corner that the cell after it goes to, wherever the
-    straight line to it stays navigable. What is found of a path is kept, as an agent asks again one
-    step later.
+    here, from the fixed point on: of the cells from which the last corner is seen in a straight line,
+    bisection finds one that the next cell hides it from, which is the next corner. What is found is
+    kept, as an agent asks again one step later; a way may be a few centimetres shorter or longer for
+    what was asked before.
 
     Args:
         grid: Where the body fits.
@@ -82,20 +83,18 @@ class DistanceToPoint:
         return self._ways[flat]
 
     def _pull_tight(self, path: Sequence[int], centers: NDArray[np.float64], known: int) -> int:
-        """Find the way of a cell as far back on a path as no other corner is seen; returns which.
+        """Find the way of a cell as far back on a path as its corner is seen; returns which.
 
-        The line of sight of the whole path is looked at first, then that of halves.
+        The line of sight along the whole path is looked at first, then that along halves.
         """
         way = self._ways[path[known]]
         seen, hidden = known, -1
         while seen - hidden > 1:
             tried = 0 if hidden < 0 else (seen + hidden) // 2
-            if not self._is_free(centers[tried], way.corner_xz):
+            if self._is_free(centers[tried], way.corner_xz):
+                seen = tried
+            else:
                 hidden = tried
-                continue
-            seen = tried
-            if way.onward is not None and self._is_free(centers[tried], way.onward.corner_xz):
-                break
         reached = min(seen, known - 1)
         self._ways[path[reached]] = self._extend(centers[reached], centers[reached + 1], way)
         return reached

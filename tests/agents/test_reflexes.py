@@ -64,3 +64,25 @@ def test_agent_that_turns_to_and_fro_on_one_spot_may_not_turn_back_until_it_leav
     assert step(0.3, [FORWARD, FORWARD])[0] == [1]
     assert step(0.3, [left, FORWARD])[0] == [0]
     assert step(0.8, [FORWARD, FORWARD])[0] == [0, 1]
+
+
+def test_new_goal_may_be_turned_to_either_way() -> None:
+    reflexes = Reflexes(1)
+    for _ in range(MAX_TURNS + 1):
+        reflexes.update(pose(0, 0, 0), np.array([int(Action.TURN_LEFT)]))
+    assert not reflexes.allowed(pose(0, 0, 0), FAR)[0, int(Action.TURN_RIGHT)]
+    reflexes.begin_goal(0)
+    assert reflexes.allowed(pose(0, 0, 0), FAR)[0].tolist() == [False, True, True, True]
+
+
+def test_agents_that_are_kept_remember_what_they_did_themselves() -> None:
+    """The first has walked into something, the second wanders, the third has turned for long."""
+    reflexes, left = Reflexes(3), int(Action.TURN_LEFT)
+    for count in range(MAX_TURNS + 1):
+        poses = np.concatenate([pose(0, 0, 0), pose(count, 0, 0), pose(9, 0, 0)])
+        reflexes.update(poses, np.array([FORWARD, FORWARD, left]))
+    everyone = reflexes.allowed(poses, FAR.repeat(3))
+    assert len(np.unique(everyone, axis=0)) == 3
+    kept = [2, 0]
+    reflexes.keep(kept)
+    np.testing.assert_array_equal(reflexes.allowed(poses[kept], FAR.repeat(2)), everyone[kept])

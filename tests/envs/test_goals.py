@@ -43,7 +43,7 @@ def test_room_too_small_for_the_range_is_refused(simulator: Simulator, rng: np.r
         draw_goal(simulator.grid, simulator.graph, np.array([2.0, 0.0]), GoalRange(50.0, 60.0), rng)
 
 
-@pytest.mark.parametrize("limits", [(0.0, 1.0), (2.0, 2.0), (-1.0, 3.0)])
+@pytest.mark.parametrize("limits", [(0.0, 1.0), (2.0, 2.0), (-1.0, 3.0), (1.0, np.inf), (np.nan, 3.0)])
 def test_impossible_range_is_refused(limits: tuple[float, float]) -> None:
     with pytest.raises(ValueError, match="`min_distance_m` must be > 0 and less than `max_distance_m`"):
         GoalRange(*limits)

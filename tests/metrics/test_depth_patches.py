@@ -24,7 +24,7 @@ def patch_distances(view: DepthView, sample: np.ndarray) -> np.ndarray:
         [
             [
                 distance[row : row + PATCH_PX, column : column + PATCH_PX].min()
-                for column in range(0, width, 4)
+                for column in range(0, width, PATCH_PX)
             ]
             for row in range(0, height, PATCH_PX)
         ]
@@ -46,7 +46,7 @@ def test_patch_with_a_point_in_reach_is_never_ruled_out(
         sample = view.directions[row, column] * (depth_m[row, column] or 1.0) * [1.0, 1.0, -1.0]
         sample = (sample + rng.normal(0.0, 0.03, 3)).astype(np.float32)
         points = np.repeat(sample[:, None], len(numbers), axis=1)
-        reached = patches.reach(numbers, points, np.full(len(numbers), RADIUS_M, np.float32))
+        reached = patches.in_reach(numbers, points, np.full(len(numbers), RADIUS_M, np.float32))
         is_near = patch_distances(view, sample) < RADIUS_M
         assert not (is_near & ~reached).any()
         assert not reached[0], "an empty patch is beyond everything"

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from anm_gym.mesh import TriangleMesh
 from anm_gym.metrics import ways
 from anm_gym.metrics.view_table import ViewTable, pack
 from anm_gym.metrics.ways import WayPlanner
@@ -63,10 +64,27 @@ def test_positions_are_found_by_distance(planner):
 def test_large_floors_are_planned_on_wider_cells_at_about_the_same_cost(table, corridor, monkeypatch):
     grid = TraversableGrid.from_mesh(corridor, 0.0)
     costs = []
-    for max_cells in (10**9, grid.component.size // 8):
+    for max_cells in (10**9, 1):
         monkeypatch.setattr(ways, "_MAX_CELLS", max_cells)
         planner = WayPlanner(table, grid, forward_step_m=0.1, turn_step_rad=np.pi / 18)
         start = planner.place(np.array([-4.0, 0.0]), -np.pi / 2)
         costs.append(planner.way(start, (4, AHEAD_X), table.bits).cost_steps)
-    assert planner.place_at((0, 0)).tree.distance_m.size < grid.component.size / 8
+    assert planner.place_at((0, 0)).tree.distance_m.size < grid.component.size / 3
     assert costs[1] == pytest.approx(costs[0], rel=0.1)
+
+
+@pytest.mark.parametrize("angle_deg", range(0, 90, 6))
+def test_wider_cells_do_not_open_thin_walls(table, box_room, monkeypatch, angle_deg):
+    """A sheet across a room, as thin as can be, under any angle."""
+    monkeypatch.setattr(ways, "_MAX_CELLS", 1)
+    along = np.array([np.cos(np.deg2rad(angle_deg)), 0.0, np.sin(np.deg2rad(angle_deg))])
+    corners = [sign * 9.0 * along + [0.013, y, 0.021] for sign in (-1, 1) for y in (0.0, 2.5)]
+    room = box_room(width_m=8.0, depth_m=8.0)
+    sheet = np.array([[0, 1, 2], [1, 2, 3]], np.int32) + len(room.vertices)
+    mesh = TriangleMesh(np.vstack([room.vertices, corners]), np.vstack([room.faces, sheet]))
+    across = 1.5 * np.array([-along[2], along[0]])
+    ends = ViewTable(table.points, np.stack([across + 0.3, -across]), table.headings_rad, table.bits[:2])
+    planner = WayPlanner(ends, TraversableGrid.from_mesh(mesh, 0.0))
+    costs = planner.direct_costs(planner.place(across, 0.0))
+    assert np.isfinite(costs[0]).all()
+    assert np.isinf(costs[1]).all()
