@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anm_gym.metrics.depth_view import DepthView
+from anm_gym.metrics.pooling import pooled
 
 _SPREADS: Final = {2: range(1, 7), 8: range(2, 5)}
 """Edge of the cells that pixels are pooled to, and how often their bins are spread to all neighbours."""
@@ -79,17 +80,11 @@ class DepthBins:
 def _spread_levels(bits: NDArray[np.uint64]) -> Iterator[NDArray[np.uint64]]:
     """Yield the cells of each level."""
     for edge, counts in _SPREADS.items():
-        cells = _pooled(bits, edge)
+        cells = pooled(np.bitwise_or, bits, edge)
         for count in range(1, counts.stop):
             cells = _spread(cells)
             if count in counts:
                 yield cells
-
-
-def _pooled(bits: NDArray[np.uint64], edge: int) -> NDArray[np.uint64]:
-    """Unite the bits of squares of `edge` pixels; the last ones of a row or column may be smaller."""
-    rows = np.bitwise_or.reduceat(bits, np.arange(0, bits.shape[0], edge), axis=0)
-    return np.asarray(np.bitwise_or.reduceat(rows, np.arange(0, bits.shape[1], edge), axis=1))
 
 
 def _spread(cells: NDArray[np.uint64]) -> NDArray[np.uint64]:

@@ -1,12 +1,12 @@
 """Boxes around what small squares of pixels show: most of a wide window is ruled out without a look at it."""
 
-from functools import reduce
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anm_gym.metrics.depth_view import DepthView
+from anm_gym.metrics.pooling import pooled
 
 PATCH_PX: Final = 4
 """Edge of a square, pixels."""
@@ -23,8 +23,8 @@ class DepthPatches:
         Args:
             view: The frame; a patch without a depth is beyond everything.
         """
-        near_m = _pooled(np.minimum, np.where(view.is_valid, view.depth_m, _FAR_M))
-        far_m = np.where(near_m == _FAR_M, _FAR_M, _pooled(np.maximum, view.depth_m))
+        near_m = pooled(np.minimum, np.where(view.is_valid, view.depth_m, _FAR_M), PATCH_PX)
+        far_m = np.where(near_m == _FAR_M, _FAR_M, pooled(np.maximum, view.depth_m, PATCH_PX))
         left, right = _rims(view.depth_m.shape[1], view.center_column, view.focal)
         top, bottom = _rims(view.depth_m.shape[0], view.center_row, view.focal)
         across_low, across_high = _extent(left, right, near_m, far_m)
@@ -52,14 +52,6 @@ class DepthPatches:
             gap = np.maximum(low[patch] - place, place - high[patch])
             squared += np.maximum(gap, 0.0, out=gap) ** 2
         return np.asarray(squared < (radius_m + _SLACK_M) ** 2)
-
-
-def _pooled(unite: np.ufunc, depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Unite the depths of each patch; the last ones of a row or column may be smaller."""
-    missing = [(0, -side % PATCH_PX) for side in depth_m.shape]
-    whole = np.pad(depth_m, missing, mode="edge") if any(after for _, after in missing) else depth_m
-    rows = reduce(unite, (whole[first::PATCH_PX] for first in range(PATCH_PX)))
-    return np.asarray(reduce(unite, (rows[:, first::PATCH_PX] for first in range(PATCH_PX))))
 
 
 def _rims(count: int, center: float, focal: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

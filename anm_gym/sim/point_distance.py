@@ -123,8 +123,7 @@ class DistanceToPoint:
     def _centers(self, cells: Sequence[int]) -> NDArray[np.float64]:
         """(K, 2) centres of cells, metres."""
         frame = self._grid.frame
-        row, column = np.divmod(np.array(cells), frame.shape[1])
-        return np.asarray(np.stack([column + 0.5, row + 0.5], axis=1) * frame.cell_m + frame.origin_xz)
+        return frame.centers_of(np.stack(np.divmod(np.array(cells), frame.shape[1]), axis=1))
 
 
 @dataclass(frozen=True, eq=False)
