@@ -12,7 +12,8 @@ from typing import Final, final
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.goal_wave import GoalWave, GoalWaveSettings
+from agents.goal_wave import GoalWave, GoalWaveSettings, cell_centers, straight_distances, wave_seeds
+from agents.way_out import AHEAD_OFFSETS, WayOutSettings, distances_ahead, prices
 from anm_gym.actions import Action
 from anm_gym.geometry import CameraSpec
 
@@ -54,6 +55,8 @@ class EgoMemorySettings:
     """Distance of the points at which free cells are marked along a ray, metres."""
     wave: GoalWaveSettings = field(default_factory=GoalWaveSettings)
     """How the distance to the goal spreads over what is remembered."""
+    way_out: WayOutSettings = field(default_factory=WayOutSettings)
+    """How a lost agent is led away."""
     contact_m: float = 0.15
     """Where the obstacle is taken to be when a step was cut short, metres ahead."""
     short_share: float = 0.5
@@ -176,13 +179,46 @@ class EgoMemory:
             planes.append(np.rint(127.5 + 127.5 * share).astype(np.uint8))
         return np.stack(planes, axis=1).reshape(-1, len(planes), side, side)
 
+    def ahead(self, world_from_camera: NDArray[np.float32], agents: NDArray[np.int64]) -> NDArray[np.float32]:
+        """How far the goal still is a little ahead of some agents, over what is remembered close around them.
+
+        Args:
+            world_from_camera: (K, 4, 4) float32 poses of their cameras.
+            agents: (K,) which they are.
+
+        Returns:
+            (K, NUM_HEADINGS) float32 metres; the present heading first, the others to its left.
+        """
+        position_xz = world_from_camera[:, [0, 2], 3]
+        settings, cell_m = self.settings.way_out, np.float32(self.settings.cell_m[0])
+        low = np.floor(position_xz / cell_m).astype(np.int64) - settings.window_cells // 2
+        flags = self._window(0, agents, low, settings.window_cells)
+        price_m = prices(
+            (flags & OCCUPIED) > 0, (flags & BLOCKED) > 0, (flags & VISITED) > 0, float(cell_m), settings
+        )
+        centers = cell_centers(low, settings.window_cells, cell_m)
+        rim_m = self._wave.at(centers.reshape(len(agents), settings.window_cells**2, 2), agents)
+        straight_m = straight_distances(centers, self._wave.goals_of(agents))
+        points = _to_world(AHEAD_OFFSETS, position_xz, -world_from_camera[:, [0, 2], 2])
+        cells = np.floor(points / cell_m).astype(np.int64) - low[:, None]
+        return distances_ahead(
+            wave_seeds(straight_m, rim_m.reshape(price_m.shape), cell_m), price_m, cells, settings
+        )
+
     def _spread_waves(self, position_xz: NDArray[np.float32], goal_xz: NDArray[np.float32]) -> None:
         agents = self._wave.due(goal_xz)
         low = self._wave.low_cells(position_xz[agents])
-        along = np.arange(self.settings.wave.window_cells)
-        columns, rows = ((low[:, axis, None] + along) & (self.settings.grid_cells - 1) for axis in (0, 1))
-        flags = self._cells[-1][agents[:, None, None], rows[:, :, None], columns[:, None, :]]
+        flags = self._window(-1, agents, low, self.settings.wave.window_cells)
         self._wave.spread(agents, low, (flags & (OCCUPIED | BLOCKED)) > 0, goal_xz[agents])
+
+    def _window(
+        self, scale: int, agents: NDArray[np.int64], low: NDArray[np.int64], count: int
+    ) -> NDArray[np.uint8]:
+        """(K, count, count) flags of one map of some agents, from (K, 2) lower corners on, in cells."""
+        along = np.arange(count)
+        columns, rows = ((low[:, axis, None] + along) & (self.settings.grid_cells - 1) for axis in (0, 1))
+        flags = self._cells[scale][agents[:, None, None], rows[:, :, None], columns[:, None, :]]
+        return np.asarray(flags)
 
     @cached_property
     def _lattices(self) -> tuple[NDArray[np.float32], ...]:

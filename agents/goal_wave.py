@@ -6,12 +6,12 @@ counts as free, so the wave is as wrong as the memory is; what to make of it is 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, final
+from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
 
-FAR_M: Final = 1e6
+from agents.wave_sweeps import FAR_M, spread_waves
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class GoalWaveSettings:
     every_steps: int = 4
     """Steps between two waves of an agent; agents take turns."""
     max_rounds: int = 160
-    """Rounds in which the wave spreads by one cell."""
+    """Rounds of sweeps after which it is left as it is; a few are enough."""
 
 
 @final
@@ -87,66 +87,75 @@ class GoalWave:
         """
         if len(agents) == 0:
             return
-        seeds = self._seeds(low, goal_xz)
-        self._distance_m[agents] = _relax(seeds, blocked, self.settings)
+        count, cell_m = self.settings.window_cells, np.float32(self.settings.cell_m)
+        straight_m = straight_distances(cell_centers(low, count, cell_m), goal_xz)
+        seeds_m = wave_seeds(straight_m, straight_m, cell_m)
+        price_m = np.where(blocked, cell_m * np.float32(self.settings.blocked_cost), cell_m)
+        self._distance_m[agents] = spread_waves(seeds_m, price_m, self.settings.max_rounds)
         self._low[agents], self._goal_xz[agents], self._age[agents] = low, goal_xz, 0
 
-    def at(self, points_xz: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Distance to the goal at (N, P, 2) floor points, metres; as the crow flies outside of the window."""
+    def at(
+        self, points_xz: NDArray[np.float32], agents: NDArray[np.int64] | None = None
+    ) -> NDArray[np.float32]:
+        """Distance to the goal at floor points, metres; as the crow flies outside of the window.
+
+        Args:
+            points_xz: (K, P, 2) float32 floor points, metres.
+            agents: (K,) whose they are; None for those of all N agents.
+
+        Returns:
+            (K, P) float32 metres.
+        """
+        who = np.arange(len(points_xz)) if agents is None else agents
         count = self.settings.window_cells
-        cells = np.floor(points_xz / np.float32(self.settings.cell_m)).astype(np.int64) - self._low[:, None]
+        cells = np.floor(points_xz / np.float32(self.settings.cell_m)).astype(np.int64) - self._low[who, None]
         inside = ((cells >= 0) & (cells < count)).all(axis=2)
         clipped = np.clip(cells, 0, count - 1)
-        agents = np.arange(len(points_xz))[:, None]
-        straight = np.linalg.norm(points_xz - self._goal_xz[:, None], axis=2)
-        within = self._distance_m[agents, clipped[..., 1], clipped[..., 0]]
+        straight = np.linalg.norm(points_xz - self._goal_xz[who, None], axis=2)
+        within = self._distance_m[who[:, None], clipped[..., 1], clipped[..., 0]]
         return np.asarray(np.where(inside, within, straight))
 
-    def _seeds(self, low: NDArray[np.int64], goal_xz: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Where waves begin: at the goal, and at the rim with the straight distance."""
-        count, cell_m = self.settings.window_cells, self.settings.cell_m
-        centers = (low[:, None] + np.arange(count)[None, :, None] + 0.5) * cell_m
-        along = np.abs(centers - goal_xz[:, None])
-        straight = np.hypot(along[:, None, :, 0], along[:, :, None, 1]).astype(np.float32)
-        seeds = np.full_like(straight, FAR_M)
-        for rim in (np.s_[:, 0], np.s_[:, -1], np.s_[:, :, 0], np.s_[:, :, -1]):
-            seeds[rim] = straight[rim]
-        is_goal = straight < 0.71 * cell_m
-        return np.asarray(np.where(is_goal, straight, seeds))
+    def goals_of(self, agents: NDArray[np.int64]) -> NDArray[np.float32]:
+        """(K, 2) goals to which the waves of some agents lead, metres."""
+        return self._goal_xz[agents]
 
 
-def _relax(
-    seeds: NDArray[np.float32], blocked: NDArray[np.bool_], settings: GoalWaveSettings
+def cell_centers(low: NDArray[np.int64], count: int, cell_m: np.float32) -> NDArray[np.float32]:
+    """Floor points of the cells of windows.
+
+    Args:
+        low: (K, 2) lower corners (x, z) of the windows, in cells.
+        count: Rows, along z, and columns, along x.
+        cell_m: Edge of a cell, metres.
+
+    Returns:
+        (K, count, count, 2) float32 metres.
+    """
+    along = (low[:, None] + np.arange(count)[None, :, None] + 0.5) * cell_m
+    x, z = np.broadcast_arrays(along[:, None, :, 0], along[:, :, None, 1])
+    return np.stack([x, z], axis=-1).astype(np.float32)
+
+
+def straight_distances(points_xz: NDArray[np.float32], goal_xz: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(K, R, C) float32 straight distances from (K, R, C, 2) points to (K, 2) goals, metres."""
+    away = points_xz - goal_xz[:, None, None]
+    return np.asarray(np.hypot(away[..., 0], away[..., 1]))
+
+
+def wave_seeds(
+    straight_m: NDArray[np.float32], rim_m: NDArray[np.float32], cell_m: np.float32
 ) -> NDArray[np.float32]:
-    """Spread waves over eight neighbours until nothing changes; corners of blocked cells are not cut."""
-    step_m = np.float32(settings.cell_m)
-    price = np.where(blocked, np.float32(settings.blocked_cost), np.float32(1.0)) * step_m
-    blocked_m = settings.blocked_cost * step_m
-    beside = np.pad(blocked, ((0, 0), (1, 1), (1, 1)))
-    vertical = {row: beside[:, 1 + row : 1 + row + blocked.shape[1], 1:-1] for row in (-1, 1)}
-    sideways = {column: beside[:, 1:-1, 1 + column : 1 + column + blocked.shape[2]] for column in (-1, 1)}
-    corner = {
-        (row, column): np.where(vertical[row] | sideways[column], blocked_m, 0.0).astype(np.float32)
-        for row in (-1, 1)
-        for column in (-1, 1)
-    }
-    padded = np.pad(seeds, ((0, 0), (1, 1), (1, 1)), constant_values=FAR_M)
-    inner = padded[:, 1:-1, 1:-1]
-    rows, columns = blocked.shape[1:]
-    diagonal_price = np.float32(np.sqrt(2.0)) * price
-    for _ in range(settings.max_rounds):
-        straight = np.minimum(padded[:, :-2, 1:-1], padded[:, 2:, 1:-1])
-        np.minimum(straight, padded[:, 1:-1, :-2], out=straight)
-        np.minimum(straight, padded[:, 1:-1, 2:], out=straight)
-        straight += price
-        diagonal = np.full_like(straight, FAR_M)
-        for (row, column), penalty in corner.items():
-            other = padded[:, 1 + row : 1 + row + rows, 1 + column : 1 + column + columns]
-            np.minimum(diagonal, other + penalty, out=diagonal)
-        diagonal += diagonal_price
-        np.minimum(straight, diagonal, out=straight)
-        np.minimum(straight, inner, out=straight)
-        if not (straight < inner - 1e-4).any():
-            break
-        inner[:] = straight
-    return inner.copy()
+    """Where waves begin: at the goal, and at the rim of the window.
+
+    Args:
+        straight_m: (K, rows, columns) float32 straight distances to the goals, metres.
+        rim_m: (K, rows, columns) float32 distances from the rim on, of which only the rim counts, metres.
+        cell_m: Edge of a cell, metres.
+
+    Returns:
+        (K, rows, columns) float32 seeds for `spread_waves`, metres.
+    """
+    seeds_m = np.full_like(straight_m, FAR_M)
+    for rim in (np.s_[:, 0], np.s_[:, -1], np.s_[:, :, 0], np.s_[:, :, -1]):
+        seeds_m[rim] = rim_m[rim]
+    return np.asarray(np.where(straight_m < 0.71 * cell_m, straight_m, seeds_m))

@@ -124,7 +124,11 @@ class NavigationObserver:
         self, world_from_camera: NDArray[np.float32], pointgoal: NDArray[np.float32]
     ) -> NDArray[np.bool_]:
         """(N, actions) what is worth a try after `observe`; see `Reflexes`."""
-        return self._reflexes.allowed(world_from_camera, pointgoal[:, 0])
+        ahead_m = None
+        if self._memory is not None:
+            lost = np.flatnonzero(self._reflexes.lost)
+            ahead_m = dict(zip(lost, self._memory.ahead(world_from_camera[lost], lost), strict=True))
+        return self._reflexes.allowed(world_from_camera, pointgoal[:, 0], ahead_m)
 
 
 def _goals_of(world_from_camera: NDArray[np.float32], pointgoal: NDArray[np.float32]) -> NDArray[np.float32]:

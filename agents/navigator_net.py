@@ -14,6 +14,7 @@ from torch import Tensor, nn
 from agents.ego_memory import FLAGS, EgoMemorySettings, lattice_offsets
 from agents.goal_wave import GoalWaveSettings
 from agents.resnet import BLOCKS, DepthResNet
+from agents.way_out import WayOutSettings
 from anm_gym.actions import Action
 
 NUM_ACTIONS: Final = len(Action)
@@ -27,12 +28,10 @@ NUM_PLANES: Final = len(FLAGS) + 3
 """Planes of each map: its flags and three distances to the goal."""
 GOAL_SCALE_M: Final = 10.0
 """Distances are divided by this before they enter the network, metres."""
-WORK_WINDOW_CELLS: Final = 96
-"""Window of the wave when a trained network is used: 19 m instead of 10 m."""
-WORK_ROUNDS: Final = 400
-"""Rounds that such a wave may take."""
-WORK_BLOCKED_COST: Final = 60.0
-"""Price of a metre through what is blocked: a wall that is seen is then worth a way round of 12 m, not 4."""
+WORK_WINDOW_CELLS: Final = 160
+"""Window of the wave when a trained network is used: 32 m instead of 10 m, as wide as homes are."""
+WORK_BLOCKED_COST: Final = 200.0
+"""Price of a metre through what is blocked: a wall that is seen is then worth a way round of 40 m, not 4."""
 State = tuple[Tensor, Tensor]
 
 
@@ -64,6 +63,7 @@ class NavigatorNetSettings:
             key: tuple(value) if isinstance(value, list) else value for key, value in values["memory"].items()
         }
         memory["wave"] = GoalWaveSettings(**memory["wave"])
+        memory["way_out"] = WayOutSettings(**memory.get("way_out", {}))
         return cls(**{**values, "memory": EgoMemorySettings(**memory)})
 
     def at_work(self) -> "NavigatorNetSettings":
@@ -75,7 +75,6 @@ class NavigatorNetSettings:
         wider = replace(
             wave,
             window_cells=max(WORK_WINDOW_CELLS, wave.window_cells),
-            max_rounds=WORK_ROUNDS,
             blocked_cost=max(WORK_BLOCKED_COST, wave.blocked_cost),
         )
         return replace(self, memory=replace(self.memory, wave=wider))

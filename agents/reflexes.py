@@ -2,10 +2,11 @@
 
 A policy is drawn from a distribution, so a rare mistake happens once in a long episode. Three mistakes can
 be told from the observation alone: stopping where the goal is known to be out of reach of success,
-walking again into what has just cut a step short, and turning to and fro on the spot.
+walking again into what has just cut a step short, and turning on the spot without end. An agent that
+does the last is lost, and is led away from there along the wave from its goal.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final, final
 
 import numpy as np
@@ -23,13 +24,17 @@ SAME_RAD: Final = float(np.deg2rad(5.1))
 SPOT_M: Final = 0.4
 """An agent that stays within this of a place is on one spot, metres."""
 MAX_TURNS: Final = 24
-"""Turns on one spot after which no turn is taken back: two thirds of the way round, at 10 degrees a turn."""
+"""Turns on one spot after which an agent is lost: two thirds of the way round, at 10 degrees a turn."""
+AWAY_M: Final = 1.5
+"""A lost agent is led until it is so far from the spot, metres."""
+MAX_LED_STEPS: Final = 80
+"""It is led no longer than this: what leads it may be wrong as well."""
 _TURNS: Final = (int(Action.TURN_LEFT), int(Action.TURN_RIGHT))
 
 
 @final
 class Reflexes:
-    """Remember in which headings each of N agents could not move, and how often it turned on the spot.
+    """Remember in which headings each of N agents could not move, and which of them are lost.
 
     Args:
         num_agents: N.
@@ -45,23 +50,30 @@ class Reflexes:
         self._blocked_rad: list[list[float]] = [[] for _ in range(num_agents)]
         self._spot_xz = np.full((num_agents, 2), _FAR_M)
         self._turns = np.zeros(num_agents, np.int64)
+        self._led_steps = np.zeros(num_agents, np.int64)
         self._last_turn = np.full(num_agents, _TURNS[0])
+
+    @property
+    def lost(self) -> NDArray[np.bool_]:
+        """(N,) which agents have turned too often on one spot and are still near it."""
+        return self._turns >= MAX_TURNS
 
     def begin(self, index: int) -> None:
         """Forget where an agent was."""
         self._position_xz[index] = self._spot_xz[index] = _FAR_M
         self._blocked_rad[index] = []
-        self._turns[index] = 0
+        self.begin_goal(index)
 
     def begin_goal(self, index: int) -> None:
         """Forget how often an agent has turned; where it could not move stays known."""
-        self._turns[index] = 0
+        self._turns[index] = self._led_steps[index] = 0
 
     def keep(self, agents: Sequence[int]) -> None:
         """Go on with some of the agents only, in the order given."""
         self._position_xz, self._spot_xz = self._position_xz[agents], self._spot_xz[agents]
         self._blocked_rad = [self._blocked_rad[agent] for agent in agents]
         self._turns, self._last_turn = self._turns[agents], self._last_turn[agents]
+        self._led_steps = self._led_steps[agents]
 
     def update(self, world_from_camera: NDArray[np.float32], previous: NDArray[np.integer]) -> None:
         """Take note of what the last actions came to.
@@ -77,19 +89,28 @@ class Reflexes:
         for index in np.flatnonzero(~moved & (previous == int(Action.MOVE_FORWARD))):
             self._blocked_rad[index].append(heading_of(world_from_camera[index]))
         is_turn = np.isin(previous, _TURNS)
-        has_left = np.linalg.norm(position_xz - self._spot_xz, axis=1) > SPOT_M
+        self._led_steps = np.where(self.lost, self._led_steps + 1, 0)
+        near_m = np.where(self.lost, AWAY_M, SPOT_M)
+        has_left = np.linalg.norm(position_xz - self._spot_xz, axis=1) > near_m
+        has_left |= self._led_steps > MAX_LED_STEPS
         self._spot_xz = np.where(has_left[:, None], position_xz, self._spot_xz)
         self._turns = np.where(has_left, 0, self._turns + is_turn)
         self._last_turn = np.where(is_turn, previous, self._last_turn)
 
     def allowed(
-        self, world_from_camera: NDArray[np.float32], distance_m: NDArray[np.floating]
+        self,
+        world_from_camera: NDArray[np.float32],
+        distance_m: NDArray[np.floating],
+        ahead_m: Mapping[int, NDArray[np.float32]] | None = None,
     ) -> NDArray[np.bool_]:
         """Tell which actions are worth a try.
 
         Args:
             world_from_camera: (N, 4, 4) float32 poses.
             distance_m: (N,) distances to the goals, metres.
+            ahead_m: For each lost agent (K,) how far the goal still is a little ahead, for K headings evenly
+                round, the present one first and the others to its left, metres. None if nobody knows: then
+                a lost agent may not turn back.
 
         Returns:
             (N, actions) bool; one turn at least is always allowed.
@@ -98,8 +119,29 @@ class Reflexes:
         allowed[:, int(Action.STOP)] = distance_m < self._success_m
         for index, blocked in enumerate(self._blocked_rad):
             heading = heading_of(world_from_camera[index])
-            if any(abs(wrap_angle(heading - other)) < SAME_RAD for other in blocked):
+            if _is_among(heading, blocked):
                 allowed[index, int(Action.MOVE_FORWARD)] = False
-        for turn, back in (_TURNS, _TURNS[::-1]):
-            allowed[(self._turns >= MAX_TURNS) & (self._last_turn == turn), back] = False
+        if ahead_m is None:
+            for turn, back in (_TURNS, _TURNS[::-1]):
+                allowed[self.lost & (self._last_turn == turn), back] = False
+            return allowed
+        for index, distances_m in ahead_m.items():
+            if not allowed[index, int(Action.STOP)]:
+                heading = heading_of(world_from_camera[index])
+                allowed[index] = False
+                allowed[index, int(_lead(distances_m, heading, self._blocked_rad[index]))] = True
         return allowed
+
+
+def _is_among(heading_rad: float, others_rad: Sequence[float]) -> bool:
+    return any(abs(wrap_angle(heading_rad - other)) < SAME_RAD for other in others_rad)
+
+
+def _lead(ahead_m: NDArray[np.float32], heading_rad: float, blocked_rad: Sequence[float]) -> Action:
+    """The action towards the heading in which the goal comes nearest, of those that are not blocked."""
+    lefts_rad = np.linspace(0.0, 2.0 * np.pi, len(ahead_m), endpoint=False)
+    is_open = [not _is_among(heading_rad + left_rad, blocked_rad) for left_rad in lefts_rad]
+    best = int(np.where(is_open, ahead_m, np.inf).argmin())
+    if best == 0:
+        return Action.MOVE_FORWARD if is_open[0] else Action.TURN_LEFT
+    return Action.TURN_LEFT if 2 * best <= len(ahead_m) else Action.TURN_RIGHT

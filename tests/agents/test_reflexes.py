@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from agents.reflexes import MAX_TURNS, Reflexes
+from agents.reflexes import AWAY_M, MAX_LED_STEPS, MAX_TURNS, Reflexes
 from anm_gym.actions import Action
 from anm_gym.geometry import camera_pose
 
@@ -63,7 +63,50 @@ def test_agent_that_turns_to_and_fro_on_one_spot_may_not_turn_back_until_it_leav
         assert turns == ([[0, 1], [0, 1]] if count < MAX_TURNS - 1 else [[1], [0, 1]])
     assert step(0.3, [FORWARD, FORWARD])[0] == [1]
     assert step(0.3, [left, FORWARD])[0] == [0]
-    assert step(0.8, [FORWARD, FORWARD])[0] == [0, 1]
+    assert step(0.8, [FORWARD, FORWARD])[0] == [0]
+    assert step(AWAY_M + 0.1, [FORWARD, FORWARD])[0] == [0, 1]
+
+
+def lost_agent() -> Reflexes:
+    """An agent that has turned on the spot at the origin for too long."""
+    reflexes = Reflexes(1)
+    for _ in range(MAX_TURNS + 1):
+        reflexes.update(pose(0, 0, 0), np.array([int(Action.TURN_LEFT)]))
+    assert reflexes.lost.tolist() == [True]
+    return reflexes
+
+
+def lead(reflexes: Reflexes, goal_to_the_left_deg: float, distance: np.ndarray = FAR) -> list[int]:
+    """Allowed actions of an agent with heading 0 if the goal comes nearer in one direction."""
+    lefts = np.arange(0.0, 360.0, 10.0)
+    away = np.abs((lefts - goal_to_the_left_deg + 180.0) % 360.0 - 180.0).astype(np.float32)
+    return np.flatnonzero(reflexes.allowed(pose(0, 0, 0), distance, {0: away})[0]).tolist()
+
+
+def test_lost_agent_is_led_to_where_the_goal_comes_nearest_the_short_way_round() -> None:
+    left, right = int(Action.TURN_LEFT), int(Action.TURN_RIGHT)
+    for direction, action in ((0.0, FORWARD), (10.0, left), (170.0, left), (190.0, right), (350.0, right)):
+        assert lead(lost_agent(), direction) == [action], direction
+
+
+def test_lost_agent_is_not_led_into_what_stopped_it() -> None:
+    reflexes = lost_agent()
+    reflexes.update(pose(0, 0, 0), np.array([FORWARD]))
+    assert lead(reflexes, 1.0) == [int(Action.TURN_LEFT)]
+    assert lead(reflexes, 359.0) == [int(Action.TURN_RIGHT)]
+
+
+def test_lost_agent_near_its_goal_may_stop() -> None:
+    assert STOP in lead(lost_agent(), 90.0, NEAR)
+
+
+def test_lost_agent_is_led_for_a_while_only() -> None:
+    reflexes = lost_agent()
+    for _ in range(MAX_LED_STEPS):
+        reflexes.update(pose(0, 0, 0), np.array([FORWARD]))
+        assert reflexes.lost[0]
+    reflexes.update(pose(0, 0, 0), np.array([FORWARD]))
+    assert not reflexes.lost[0]
 
 
 def test_new_goal_may_be_turned_to_either_way() -> None:
