@@ -97,6 +97,7 @@ class EgoMemory:
         """Forget what one agent has seen."""
         self._cells[:, index] = 0
         self._position_xz[index] = np.nan
+        self._wave.forget(index)
 
     def keep(self, agents: Sequence[int]) -> None:
         """Go on with some of the agents only, in the order given."""
@@ -207,7 +208,7 @@ class EgoMemory:
 
     def _spread_waves(self, position_xz: NDArray[np.float32], goal_xz: NDArray[np.float32]) -> None:
         agents = self._wave.due(goal_xz)
-        low = self._wave.low_cells(position_xz[agents])
+        low = self._wave.low_cells(agents, position_xz[agents])
         flags = self._window(-1, agents, low, self.settings.wave.window_cells)
         self._wave.spread(agents, low, (flags & (OCCUPIED | BLOCKED)) > 0, goal_xz[agents])
 

@@ -6,12 +6,15 @@ counts as free, so the wave is as wrong as the memory is; what to make of it is 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import final
+from typing import Final, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agents.wave_sweeps import FAR_M, spread_waves
+
+DRIFT_SHARE: Final = 10
+"""An agent may be this part of its window's width off the middle before the window moves."""
 
 
 @dataclass(frozen=True)
@@ -46,19 +49,36 @@ class GoalWave:
         self.settings = settings
         count = settings.window_cells
         self._distance_m = np.zeros((num_agents, count, count), np.float32)
+        self._blocked = np.zeros((num_agents, count, count), bool)
         self._low = np.zeros((num_agents, 2), np.int64)
         self._goal_xz = np.full((num_agents, 2), np.nan, np.float32)
         self._age = np.arange(num_agents) % settings.every_steps
 
+    def forget(self, index: int) -> None:
+        """Forget one agent's wave."""
+        self._goal_xz[index] = np.nan
+
     def keep(self, agents: Sequence[int]) -> None:
         """Go on with some of the agents only, in the order given."""
-        self._distance_m, self._low = self._distance_m[agents], self._low[agents]
-        self._goal_xz, self._age = self._goal_xz[agents], self._age[agents]
+        self._distance_m, self._blocked = self._distance_m[agents], self._blocked[agents]
+        self._low, self._goal_xz = self._low[agents], self._goal_xz[agents]
+        self._age = self._age[agents]
 
-    def low_cells(self, position_xz: NDArray[np.float32]) -> NDArray[np.int64]:
-        """Lower corners (x, z) of windows around (N, 2) places, in cells."""
+    def low_cells(self, agents: NDArray[np.int64], position_xz: NDArray[np.float32]) -> NDArray[np.int64]:
+        """Lower corners of the windows of agents, which move only when they are far from the middle.
+
+        Args:
+            agents: (K,) which.
+            position_xz: (K, 2) where they are, metres.
+
+        Returns:
+            (K, 2) corners (x, z), in cells.
+        """
         cells = np.floor(position_xz / np.float32(self.settings.cell_m)).astype(np.int64)
-        return np.asarray(cells - self.settings.window_cells // 2)
+        centered, kept = cells - self.settings.window_cells // 2, self._low[agents]
+        stays = np.abs(centered - kept).max(axis=1) <= self.settings.window_cells // DRIFT_SHARE
+        stays &= ~np.isnan(self._goal_xz[agents, 0])
+        return np.where(stays[:, None], kept, centered)
 
     def due(self, goal_xz: NDArray[np.float32]) -> NDArray[np.int64]:
         """Agents whose wave is to be spread now: it is old, or their goal is new.
@@ -67,8 +87,8 @@ class GoalWave:
             goal_xz: (N, 2) floor points, metres.
         """
         self._age += 1
-        is_new = ~(np.abs(goal_xz - self._goal_xz) < 0.5 * self.settings.cell_m).all(axis=1)
-        return np.flatnonzero(is_new | (self._age >= self.settings.every_steps))
+        is_old = self._age >= self.settings.every_steps
+        return np.flatnonzero(is_old | self._is_new(np.arange(len(goal_xz)), goal_xz))
 
     def spread(
         self,
@@ -77,7 +97,7 @@ class GoalWave:
         blocked: NDArray[np.bool_],
         goal_xz: NDArray[np.float32],
     ) -> None:
-        """Let the waves of some agents spread.
+        """Let the waves of some agents spread; one that would come out the same is left as it is.
 
         Args:
             agents: (K,) which.
@@ -85,14 +105,21 @@ class GoalWave:
             blocked: (K, cells, cells) what is known to be blocked; rows along z.
             goal_xz: (K, 2) their goals, metres.
         """
-        if len(agents) == 0:
-            return
+        self._age[agents] = 0
+        differs = (low != self._low[agents]).any(axis=1) | (blocked != self._blocked[agents]).any(axis=(1, 2))
+        differs |= self._is_new(agents, goal_xz)
+        agents, low, blocked, goal_xz = agents[differs], low[differs], blocked[differs], goal_xz[differs]
         count, cell_m = self.settings.window_cells, np.float32(self.settings.cell_m)
         straight_m = straight_distances(cell_centers(low, count, cell_m), goal_xz)
         seeds_m = wave_seeds(straight_m, straight_m, cell_m)
         price_m = np.where(blocked, cell_m * np.float32(self.settings.blocked_cost), cell_m)
         self._distance_m[agents] = spread_waves(seeds_m, price_m, self.settings.max_rounds)
-        self._low[agents], self._goal_xz[agents], self._age[agents] = low, goal_xz, 0
+        self._low[agents], self._blocked[agents], self._goal_xz[agents] = low, blocked, goal_xz
+
+    def _is_new(self, agents: NDArray[np.int64], goal_xz: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """(K,) whose goal is not the one that the wave leads to."""
+        away = np.abs(goal_xz - self._goal_xz[agents])
+        return np.asarray(~(away < 0.5 * self.settings.cell_m).all(axis=1))
 
     def at(
         self, points_xz: NDArray[np.float32], agents: NDArray[np.int64] | None = None

@@ -1,10 +1,11 @@
 """How many frames a core-second learns: our recurrent PPO against the library's, in one run.
 
-Both learn on the same agents in the same homes, with DD-PPO's 128 steps and two epochs. The library's
+Both learn in homes of the same kind, with DD-PPO's 128 steps and two epochs. The library's
 has its own way with the same encoder: an LSTM each for actor and critic, a loop over frames, and
-padding that goes through the encoder. How much that costs depends on how long episodes are, so there
-are two kinds: those of an untrained policy, of which every fourth action is STOP, and those of one
-that has learned not to. Also printed: what two processes make of it.
+padding that goes through the encoder. As installed it steps one environment after the other; it is also
+measured with our vector environment, which draws and observes for all at once. How much padding costs
+depends on how long episodes are, so there are two kinds: those of an untrained policy, of which every
+fourth action is STOP, and those of one that has learned not to. Also printed: what two processes make of it.
 
     python -m benchmarks.navigator [--quick] [--json PATH]
 """
@@ -16,12 +17,17 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
+import gymnasium
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from sb3_contrib import RecurrentPPO
-from stable_baselines3.common.vec_env import VecMonitor
+from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 
 from agents.navigator_net import NavigatorNetSettings
 from anm_gym.actions import Action
@@ -35,27 +41,65 @@ ROLLOUT_STEPS: Final = 128
 QUICK_ROLLOUT_STEPS: Final = 32
 EPISODES: Final = {"short": 0.0, "long": 4.0}
 """How much less likely than the other actions STOP is made at first, as a difference of logits."""
+DOMAIN: Final = DomainSettings(tiers={"studio": 1.0}, episodes_per_home=1000)
+"""Agents stay in studios, which are made quickly, so that learning is what is timed."""
 
 
-def make_env(seed: int = 0) -> VecMonitor:
-    """Agents in studios: homes are made quickly, so that learning is what is timed."""
-    domain = DomainSettings(tiers={"studio": 1.0}, episodes_per_home=1000)
-    return VecMonitor(NavigationVecEnv(NavigatorNetSettings(), domain, NUM_AGENTS, seed))
+def make_together(seed: int = 0) -> VecMonitor:
+    """All agents in our vector environment."""
+    return VecMonitor(NavigationVecEnv(NavigatorNetSettings(), DOMAIN, NUM_AGENTS, seed))
+
+
+def make_one_by_one() -> VecMonitor:
+    """The same agents as environments of their own, stepped in turn as the library does by default."""
+    return VecMonitor(DummyVecEnv([partial(LoneAgent, index) for index in range(NUM_AGENTS)]))
+
+
+class LoneAgent(gymnasium.Env[dict[str, NDArray[Any]], np.int64]):
+    """One agent as an environment of its own.
+
+    Args:
+        index: Which of the agents it is; they differ in their steps.
+    """
+
+    def __init__(self, index: int) -> None:
+        steps_m = DOMAIN.forward_step_m
+        domain = replace(DOMAIN, forward_step_m=(steps_m[index % len(steps_m)],))
+        self._agent = NavigationVecEnv(NavigatorNetSettings(), domain, 1, index)
+        self.observation_space, self.action_space = self._agent.observation_space, self._agent.action_space
+        self._next: dict[str, NDArray[Any]] | None = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        """Begin an episode; all but the first have begun when the one before ended."""
+        super().reset(seed=seed, options=options)
+        return self._next or _only(self._agent.reset()), {}
+
+    def step(self, action: np.int64) -> tuple[dict[str, NDArray[Any]], float, bool, bool, dict[str, Any]]:
+        """Take an action."""
+        shown, rewards, dones, _ = self._agent.step(np.array([action]))
+        self._next = _only(shown)
+        return self._next, float(rewards[0]), bool(dones[0]), False, {}
+
+
+def _only(batch: Any) -> dict[str, NDArray[Any]]:
+    return {key: values[0] for key, values in batch.items()}
 
 
 def ours(rollout_steps: int = ROLLOUT_STEPS, ranks: Ranks | None = None) -> NavigatorPpo:
     """Our recurrent PPO."""
     settings = PpoSettings(frames=10**9, minibatches=2, rollout_steps=rollout_steps, value_frames=0)
-    env = make_env(ranks.rank if ranks else 0)
+    env = make_together(ranks.rank if ranks else 0)
     return NavigatorPpo(env, NavigatorNetSettings(), settings, ranks, device="cpu")
 
 
-def stock(rollout_steps: int, **policy_kwargs: Any) -> RecurrentPPO:
+def stock(rollout_steps: int, env: VecMonitor, **policy_kwargs: Any) -> RecurrentPPO:
     """The library's recurrent PPO with our encoder."""
     net = NavigatorNetSettings()
     return RecurrentPPO(
         "MultiInputLstmPolicy",
-        make_env(),
+        env,
         n_steps=rollout_steps,
         batch_size=NUM_AGENTS * rollout_steps // 2,
         n_epochs=2,
@@ -73,8 +117,11 @@ def stock(rollout_steps: int, **policy_kwargs: Any) -> RecurrentPPO:
 
 VARIANTS: Final[dict[str, Callable[[int], Any]]] = {
     "ours": ours,
-    "library": stock,
-    "library, shared LSTM": lambda steps: stock(steps, shared_lstm=True, enable_critic_lstm=False),
+    "library": lambda steps: stock(steps, make_one_by_one()),
+    "library, our agents": lambda steps: stock(steps, make_together()),
+    "the same, shared LSTM": lambda steps: stock(
+        steps, make_together(), shared_lstm=True, enable_critic_lstm=False
+    ),
 }
 
 
@@ -137,7 +184,7 @@ def compare(first: dict[str, Any], row: dict[str, Any]) -> str:
     """One line of the table: a row, and how many times more the first one makes of its time."""
     whole = first["frames_per_core_s"] / row["frames_per_core_s"]
     return (
-        f"{row['variant']:20}  {row['episodes']:5} episodes: {row['frames_per_core_s']:5.0f} frames per "
+        f"{row['variant']:21}  {row['episodes']:5} episodes: {row['frames_per_core_s']:5.0f} frames per "
         f"core-second (ours x {whole:.2f}); a frame takes {row['collect_ms']:.2f} ms to collect and "
         f"{row['learn_ms']:.2f} ms to learn (x {row['learn_ms'] / first['learn_ms']:.1f})"
     )

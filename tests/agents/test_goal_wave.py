@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from agents.ego_memory import EgoMemory, EgoMemorySettings
-from agents.goal_wave import GoalWave, GoalWaveSettings
+from agents.goal_wave import DRIFT_SHARE, GoalWave, GoalWaveSettings
 from agents.navigator_net import NavigatorNetSettings
+from agents.wave_sweeps import spread_waves
 from anm_gym.actions import Action
 from anm_gym.geometry import CameraSpec, camera_pose
 
@@ -18,7 +19,7 @@ WINDOW = (1, SETTINGS.window_cells, SETTINGS.window_cells)
 
 def spread(goal: tuple[float, float], blocked: np.ndarray) -> GoalWave:
     wave, goals = GoalWave(1, SETTINGS), np.array([goal], np.float32)
-    wave.spread(np.array([0]), wave.low_cells(HERE), blocked, goals)
+    wave.spread(np.array([0]), wave.low_cells(np.array([0]), HERE), blocked, goals)
     return wave
 
 
@@ -70,12 +71,44 @@ def test_waves_take_turns_and_a_new_goal_comes_first() -> None:
     wave, goals = GoalWave(4, SETTINGS), np.ones((4, 2), np.float32)
     everyone = wave.due(goals)
     assert everyone.tolist() == [0, 1, 2, 3]
-    low = wave.low_cells(np.zeros((4, 2), np.float32))
+    low = wave.low_cells(everyone, np.zeros((4, 2), np.float32))
     wave.spread(everyone, low, np.zeros((4, 48, 48), bool), goals)
     assert [wave.due(goals).tolist() for _ in range(4)] == [[], [], [], [0, 1, 2, 3]]
     goals[2] += 1.0
     wave.spread(everyone, low, np.zeros((4, 48, 48), bool), np.ones((4, 2), np.float32))
     assert wave.due(goals).tolist() == [2]
+
+
+def test_wave_that_would_come_out_the_same_is_not_spread_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    spread_for: list[int] = []
+
+    def count_waves(seeds_m: np.ndarray, price_m: np.ndarray, max_rounds: int) -> np.ndarray:
+        spread_for.append(len(seeds_m))
+        return spread_waves(seeds_m, price_m, max_rounds)
+
+    monkeypatch.setattr("agents.goal_wave.spread_waves", count_waves)
+    wave, both = GoalWave(2, SETTINGS), np.arange(2)
+    goals, blocked = np.ones((2, 2), np.float32), np.zeros((2, 48, 48), bool)
+    low = wave.low_cells(both, np.zeros((2, 2), np.float32))
+    moved = low + np.array([[1], [0]])
+    wave.spread(both, low, blocked, goals)
+    wave.spread(both, low, blocked, goals + 0.01)
+    wave.spread(both, low, np.stack([blocked[0], ~blocked[1]]), goals)
+    wave.spread(both, moved, np.stack([blocked[0], ~blocked[1]]), goals)
+    wave.forget(1)
+    wave.spread(both, moved, np.stack([blocked[0], ~blocked[1]]), goals)
+    assert spread_for == [2, 0, 1, 1, 1]
+
+
+def test_window_stays_until_the_agent_is_far_from_its_middle_or_begins_anew() -> None:
+    wave, one = GoalWave(1, SETTINGS), np.array([0])
+    low = wave.low_cells(one, HERE)
+    wave.spread(one, low, np.zeros(WINDOW, bool), np.ones((1, 2), np.float32))
+    few_cells = SETTINGS.cell_m * (SETTINGS.window_cells // DRIFT_SHARE)
+    assert wave.low_cells(one, HERE + np.float32(few_cells)).tolist() == low.tolist()
+    assert wave.low_cells(one, HERE + np.float32(few_cells + 0.3)).tolist() != low.tolist()
+    wave.forget(0)
+    assert wave.low_cells(one, HERE + np.float32(few_cells)).tolist() != low.tolist()
 
 
 def test_maps_show_the_way_round_a_wall_that_was_seen() -> None:
@@ -98,7 +131,7 @@ def test_at_work_a_wall_is_gone_round_where_training_went_through() -> None:
     distances_m = []
     for settings in (training, replace(work, window_cells=training.window_cells)):
         wave = GoalWave(1, settings)
-        wave.spread(np.array([0]), wave.low_cells(HERE), wall, goals)
+        wave.spread(np.array([0]), wave.low_cells(np.array([0]), HERE), wall, goals)
         distances_m.append(at(wave, 0.1, 0.1))
     through_m, round_m = 2.0 + training.blocked_cost * training.cell_m, 2.0 * np.hypot(1.0, 4.0)
     np.testing.assert_allclose(distances_m, [through_m, round_m], rtol=0.15)
