@@ -20,6 +20,10 @@ from train.recorder import env_layers
 
 PACKAGES: Final = ("anm-gym", "gymnasium", "numpy", "scipy", "torch", "embreex")
 """Packages whose version can change a number."""
+ROOT: Final = Path(__file__).resolve().parents[1]
+"""The checkout that holds this file, where it is one."""
+CODE: Final = ("anm_gym", "agents", "train")
+"""Folders whose changes can change a number; the rows that an evaluation adds to `results` cannot."""
 
 _GRID_SHIFT: Final = 0.3183
 _NOT_SETTINGS: Final = frozenset(
@@ -79,7 +83,7 @@ def file_digest(scene: str) -> str:
 def versions() -> dict[str, str]:
     """Versions of Python and of the packages that make the numbers, and the commit of this one."""
     packages = {name: _version(name) for name in PACKAGES}
-    return {"python": platform.python_version()} | packages | {"commit": _commit()}
+    return {"python": platform.python_version()} | packages | {"commit": commit_of(ROOT)}
 
 
 def _settings_of(owner: Any) -> dict[str, Any]:
@@ -106,14 +110,16 @@ def _plain(value: Any) -> Any:
     return value if isinstance(value, str | int | float | bool | None) else type(value).__name__
 
 
-def _commit() -> str:
-    """Commit of the checkout that holds this file, with a + where it was changed; empty outside of one."""
-    root = Path(__file__).resolve().parents[1]
+def commit_of(root: Path) -> str:
+    """Commit of a checkout, with a + where its code was changed; empty outside of one."""
     if not (root / ".git").exists() or which("git") is None:
         return ""
-    command = ["git", "-C", str(root), "describe", "--always", "--dirty=+", "--exclude=*"]
-    found = subprocess.run(command, capture_output=True, text=True, check=False)
-    return found.stdout.strip() if found.returncode == 0 else ""
+    git = ["git", "-C", str(root)]
+    head = subprocess.run([*git, "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False)
+    if head.returncode != 0:
+        return ""
+    differs = subprocess.run([*git, "diff", "--quiet", "HEAD", "--", *CODE], capture_output=True, check=False)
+    return head.stdout.strip() + ("+" if differs.returncode != 0 else "")
 
 
 def _version(name: str) -> str:

@@ -1,12 +1,14 @@
 """Settings have one name: equal settings, equal hash; seeds and scenes are no settings."""
 
 import dataclasses
+import subprocess
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
 
 from anm_gym.mesh import TriangleMesh
-from train.provenance import digest, effective_settings, geometry_digest, versions
+from train.provenance import commit_of, digest, effective_settings, geometry_digest, versions
 
 
 @dataclasses.dataclass(frozen=True)
@@ -84,3 +86,25 @@ def test_geometry_has_one_name_whatever_the_last_bits_are(box_room):
     moved = TriangleMesh(room.vertices + np.array([0.0, 0.002, 0.0]), room.faces)
     assert geometry_digest(rounded) == geometry_digest(room)
     assert geometry_digest(moved) != geometry_digest(room)
+
+
+def test_commit_is_marked_where_code_was_changed_and_not_where_results_were(tmp_path: Path) -> None:
+    def git(*arguments: str) -> str:
+        identity = ["-c", "user.name=a", "-c", "user.email=a@b"]
+        command = ["git", "-C", str(tmp_path), *identity, *arguments]
+        return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+
+    assert commit_of(tmp_path) == ""
+    git("init", "-q")
+    assert commit_of(tmp_path) == ""
+    for folder in ("train", "results"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "file").write_text("before")
+    git("add", "-A")
+    git("commit", "-q", "-m", "all")
+    head = git("rev-parse", "--short", "HEAD")
+    assert commit_of(tmp_path) == head
+    (tmp_path / "results" / "file").write_text("after")
+    assert commit_of(tmp_path) == head
+    (tmp_path / "train" / "file").write_text("after")
+    assert commit_of(tmp_path) == head + "+"
