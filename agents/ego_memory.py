@@ -202,9 +202,8 @@ class EgoMemory:
         straight_m = straight_distances(centers, self._wave.goals_of(agents))
         points = _to_world(AHEAD_OFFSETS, position_xz, -world_from_camera[:, [0, 2], 2])
         cells = np.floor(points / cell_m).astype(np.int64) - low[:, None]
-        return distances_ahead(
-            wave_seeds(straight_m, rim_m.reshape(price_m.shape), cell_m), price_m, cells, settings
-        )
+        seeds_m = wave_seeds(straight_m, rim_m.reshape(price_m.shape), cell_m)
+        return distances_ahead(seeds_m, price_m, cells, float(cell_m), settings)
 
     def _spread_waves(self, position_xz: NDArray[np.float32], goal_xz: NDArray[np.float32]) -> None:
         agents = self._wave.due(goal_xz)

@@ -11,10 +11,12 @@ from typing import Final, final
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.wave_sweeps import FAR_M, spread_waves
+from agents.wave_sweeps import FAR_M, spread_wave
 
 DRIFT_SHARE: Final = 10
 """An agent may be this part of its window's width off the middle before the window moves."""
+SAME_GOAL_M: Final = 0.01
+"""Goals that differ less are the same: they are worked out anew from distance and bearing, metres."""
 
 
 @dataclass(frozen=True)
@@ -87,8 +89,8 @@ class GoalWave:
             goal_xz: (N, 2) floor points, metres.
         """
         self._age += 1
-        is_old = self._age >= self.settings.every_steps
-        return np.flatnonzero(is_old | self._is_new(np.arange(len(goal_xz)), goal_xz))
+        is_new = self._goal_is_off(np.arange(len(goal_xz)), goal_xz, 0.5 * self.settings.cell_m)
+        return np.flatnonzero(is_new | (self._age >= self.settings.every_steps))
 
     def spread(
         self,
@@ -107,19 +109,22 @@ class GoalWave:
         """
         self._age[agents] = 0
         differs = (low != self._low[agents]).any(axis=1) | (blocked != self._blocked[agents]).any(axis=(1, 2))
-        differs |= self._is_new(agents, goal_xz)
+        differs |= self._goal_is_off(agents, goal_xz, SAME_GOAL_M)
         agents, low, blocked, goal_xz = agents[differs], low[differs], blocked[differs], goal_xz[differs]
         count, cell_m = self.settings.window_cells, np.float32(self.settings.cell_m)
         straight_m = straight_distances(cell_centers(low, count, cell_m), goal_xz)
         seeds_m = wave_seeds(straight_m, straight_m, cell_m)
         price_m = np.where(blocked, cell_m * np.float32(self.settings.blocked_cost), cell_m)
-        self._distance_m[agents] = spread_waves(seeds_m, price_m, self.settings.max_rounds)
+        for agent, seeds, prices in zip(agents, seeds_m, price_m, strict=True):
+            self._distance_m[agent] = spread_wave(seeds, prices, self.settings.max_rounds)
         self._low[agents], self._blocked[agents], self._goal_xz[agents] = low, blocked, goal_xz
 
-    def _is_new(self, agents: NDArray[np.int64], goal_xz: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """(K,) whose goal is not the one that the wave leads to."""
+    def _goal_is_off(
+        self, agents: NDArray[np.int64], goal_xz: NDArray[np.float32], by_m: float
+    ) -> NDArray[np.bool_]:
+        """(K,) whose goal is not where their wave leads; so for all that have no wave yet."""
         away = np.abs(goal_xz - self._goal_xz[agents])
-        return np.asarray(~(away < 0.5 * self.settings.cell_m).all(axis=1))
+        return np.asarray(~(away < by_m).all(axis=1))
 
     def at(
         self, points_xz: NDArray[np.float32], agents: NDArray[np.int64] | None = None

@@ -76,7 +76,12 @@ class DDPPONavigator(Navigator):
         forward_step_m, self._turn_step_rad = self.env.step_sizes
         camera = self.env.get_wrapper_attr("camera")
         self._observer = NavigationObserver(
-            1, camera, camera.sensor_height_m, forward_step_m, self._net.settings.at_work()
+            1,
+            camera,
+            camera.sensor_height_m,
+            forward_step_m,
+            self._net.settings.at_work(),
+            self._turn_step_rad,
         )
         self._policy = LearnedPolicy(self._net, 1, self._seed, deterministic=self.settings.deterministic)
         self._rng = np.random.default_rng(self._seed)

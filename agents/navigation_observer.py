@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from agents.ego_memory import EgoMemory, spread_pixels
 from agents.navigator_net import NUM_PREVIOUS, NavigatorNetSettings
-from agents.reflexes import Reflexes
+from agents.reflexes import DEFAULT_TURN_RAD, Reflexes
 from anm_gym.actions import Action
 from anm_gym.geometry import CameraSpec
 
@@ -30,6 +30,7 @@ class NavigationObserver:
         sensor_height_m: Height of each agent's camera, metres.
         forward_step_m: Length of each agent's forward step, metres.
         settings: The network's sizes.
+        turn_step_rad: Angle by which all agents turn, radians.
     """
 
     def __init__(
@@ -39,13 +40,14 @@ class NavigationObserver:
         sensor_height_m: float | NDArray[np.floating],
         forward_step_m: float | NDArray[np.floating],
         settings: NavigatorNetSettings,
+        turn_step_rad: float = DEFAULT_TURN_RAD,
     ) -> None:
         self.settings = settings
         self._memory = EgoMemory(num_agents, camera, settings.memory) if settings.uses_maps else None
         self._sensor_height_m = np.broadcast_to(np.float32(sensor_height_m), (num_agents,))
         self._forward_step_m = np.broadcast_to(np.float32(forward_step_m), (num_agents,))
         self._previous = np.full(num_agents, NUM_PREVIOUS - 1, np.uint8)
-        self._reflexes = Reflexes(num_agents)
+        self._reflexes = Reflexes(num_agents, turn_step_rad=turn_step_rad)
         self._rows, self._columns = (
             spread_pixels(count, settings.image_px) for count in (camera.height_px, camera.width_px)
         )
@@ -124,9 +126,9 @@ class NavigationObserver:
         self, world_from_camera: NDArray[np.float32], pointgoal: NDArray[np.float32]
     ) -> NDArray[np.bool_]:
         """(N, actions) what is worth a try after `observe`; see `Reflexes`."""
+        lost = np.flatnonzero(self._reflexes.lost)
         ahead_m = None
-        if self._memory is not None:
-            lost = np.flatnonzero(self._reflexes.lost)
+        if self._memory is not None and len(lost) > 0:
             ahead_m = dict(zip(lost, self._memory.ahead(world_from_camera[lost], lost), strict=True))
         return self._reflexes.allowed(world_from_camera, pointgoal[:, 0], ahead_m)
 

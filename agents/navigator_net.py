@@ -31,7 +31,7 @@ GOAL_SCALE_M: Final = 10.0
 WORK_WINDOW_CELLS: Final = 160
 """Window of the wave when a trained network is used: 32 m instead of 10 m, as wide as homes are."""
 WORK_BLOCKED_COST: Final = 200.0
-"""Price of a metre through what is blocked: a wall that is seen is then worth a way round of 40 m, not 4."""
+"""Price of a metre through what is blocked: a wall of one cell then costs 40 m, not 4, and is gone round."""
 State = tuple[Tensor, Tensor]
 
 

@@ -17,6 +17,8 @@ from anm_gym.geometry import heading_of, wrap_angle
 
 _FAR_M: Final = 1e9
 """Where an agent was before its episode: nowhere near, metres."""
+DEFAULT_TURN_RAD: Final = float(np.deg2rad(10.0))
+"""Angle of a turn, radians."""
 MOVED_M: Final = 0.02
 """An agent that moved farther is at another place, metres."""
 SAME_RAD: Final = float(np.deg2rad(5.1))
@@ -29,6 +31,7 @@ AWAY_M: Final = 1.5
 """A lost agent is led until it is so far from the spot, metres."""
 MAX_LED_STEPS: Final = 80
 """It is led no longer than this: what leads it may be wrong as well."""
+_ROUNDING_RAD: Final = 1e-6
 _TURNS: Final = (int(Action.TURN_LEFT), int(Action.TURN_RIGHT))
 
 
@@ -39,13 +42,16 @@ class Reflexes:
     Args:
         num_agents: N.
         success_m: Distance within which a stop succeeds, metres.
+        turn_step_rad: Angle by which they turn, radians.
 
     Source:
         Ours.
     """
 
-    def __init__(self, num_agents: int, success_m: float = 0.2) -> None:
-        self._success_m = success_m
+    def __init__(
+        self, num_agents: int, success_m: float = 0.2, turn_step_rad: float = DEFAULT_TURN_RAD
+    ) -> None:
+        self._success_m, self._turn_step_rad = success_m, turn_step_rad
         self._position_xz = np.full((num_agents, 2), _FAR_M)
         self._blocked_rad: list[list[float]] = [[] for _ in range(num_agents)]
         self._spot_xz = np.full((num_agents, 2), _FAR_M)
@@ -113,7 +119,8 @@ class Reflexes:
                 a lost agent may not turn back.
 
         Returns:
-            (N, actions) bool; one turn at least is always allowed.
+            (N, actions) bool; one move at least is always allowed. A lost agent that is led has no choice but
+            to stop near its goal.
         """
         allowed = np.ones((len(distance_m), len(Action)), bool)
         allowed[:, int(Action.STOP)] = distance_m < self._success_m
@@ -129,7 +136,8 @@ class Reflexes:
             if not allowed[index, int(Action.STOP)]:
                 heading = heading_of(world_from_camera[index])
                 allowed[index] = False
-                allowed[index, int(_lead(distances_m, heading, self._blocked_rad[index]))] = True
+                move = _lead(distances_m, heading, self._blocked_rad[index], self._turn_step_rad)
+                allowed[index, int(move)] = True
         return allowed
 
 
@@ -137,11 +145,14 @@ def _is_among(heading_rad: float, others_rad: Sequence[float]) -> bool:
     return any(abs(wrap_angle(heading_rad - other)) < SAME_RAD for other in others_rad)
 
 
-def _lead(ahead_m: NDArray[np.float32], heading_rad: float, blocked_rad: Sequence[float]) -> Action:
-    """The action towards the heading in which the goal comes nearest, of those that are not blocked."""
-    lefts_rad = np.linspace(0.0, 2.0 * np.pi, len(ahead_m), endpoint=False)
+def _lead(
+    ahead_m: NDArray[np.float32], heading_rad: float, blocked_rad: Sequence[float], turn_step_rad: float
+) -> Action:
+    """The move towards the heading in which the way is shortest, of those that are not blocked."""
+    count = len(ahead_m)
+    lefts_rad = [wrap_angle(2.0 * np.pi * index / count) for index in range(count)]
     is_open = [not _is_among(heading_rad + left_rad, blocked_rad) for left_rad in lefts_rad]
-    best = int(np.where(is_open, ahead_m, np.inf).argmin())
-    if best == 0:
-        return Action.MOVE_FORWARD if is_open[0] else Action.TURN_LEFT
-    return Action.TURN_LEFT if 2 * best <= len(ahead_m) else Action.TURN_RIGHT
+    left_rad = lefts_rad[int(np.where(is_open, ahead_m, np.inf).argmin())]
+    if is_open[0] and abs(left_rad) <= 0.5 * turn_step_rad + _ROUNDING_RAD:
+        return Action.MOVE_FORWARD
+    return Action.TURN_LEFT if left_rad >= 0.0 else Action.TURN_RIGHT

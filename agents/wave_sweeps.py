@@ -1,4 +1,4 @@
-"""Shortest ways over priced cells, for many rasters at once, by sweeps along rows, columns and diagonals.
+"""Shortest ways over priced cells by sweeps along rows, columns and diagonals.
 
 Along one line of cells the shortest way is a running minimum: of the distance at each cell, less the
 price of the line up to there. So one sweep carries a wave along whole lines, and a way is found after
@@ -15,27 +15,27 @@ FAR_M: Final = 1e6
 TOLERANCE_M: Final = 0.01
 """Sweeps end when no distance falls by more, metres."""
 _BARRIER_M: Final = 1e3
-"""Price of a step from the end of one line to the start of the next, metres: dearer than any way."""
+"""Price of a step from the end of one line to the start of the next, metres: there are two on such a way."""
 _DIAGONAL: Final = np.float32(np.sqrt(2.0))
 Lines = tuple[NDArray[np.float32], NDArray[np.float32]]
-"""(N, cells, lines) views: distances, and prices of the lines up to there."""
+"""(cells, lines) views: distances, and prices of the lines up to there."""
 
 
-def spread_waves(
+def spread_wave(
     seeds_m: NDArray[np.float32], price_m: NDArray[np.float32], max_rounds: int
 ) -> NDArray[np.float32]:
-    """Spread waves over eight neighbours until nothing changes.
+    """Spread a wave over eight neighbours until no distance falls any more.
 
     A straight step costs the mean of its two cells. A diagonal one costs as the dearest of the four
     cells that it touches, so nothing slips between walls that meet at a corner.
 
     Args:
-        seeds_m: (N, R, C) float32 distances at which waves begin, metres; `FAR_M` where none does.
-        price_m: (N, R, C) float32 price of crossing a cell, metres.
+        seeds_m: (R, C) float32 distances at which the wave begins, metres; `FAR_M` where it does not.
+        price_m: (R, C) float32 price of crossing a cell, metres. No shortest way may be dearer than 2 km.
         max_rounds: Rounds of sweeps, in all eight directions each.
 
     Returns:
-        (N, R, C) float32 distances, metres.
+        (R, C) float32 distances, metres, too long by some `TOLERANCE_M` at most.
 
     Source:
         Ours, after the fast sweeping method (Zhao, Mathematics of Computation, 2005).
@@ -52,14 +52,14 @@ def spread_waves(
 
 
 def _sweep(distance_m: NDArray[np.float32], up_to_here_m: NDArray[np.float32]) -> None:
-    """Carry waves along lines, forwards and then backwards."""
+    """Carry the wave along lines, forwards and then backwards."""
     beginning = distance_m - up_to_here_m
-    np.minimum.accumulate(beginning, axis=1, out=beginning)
+    np.minimum.accumulate(beginning, axis=0, out=beginning)
     beginning += up_to_here_m
     np.minimum(distance_m, beginning, out=distance_m)
     ending = distance_m + up_to_here_m
-    from_the_end = ending[:, ::-1]
-    np.minimum.accumulate(from_the_end, axis=1, out=from_the_end)
+    from_the_end = ending[::-1]
+    np.minimum.accumulate(from_the_end, axis=0, out=from_the_end)
     ending -= up_to_here_m
     np.minimum(distance_m, ending, out=distance_m)
 
@@ -67,35 +67,33 @@ def _sweep(distance_m: NDArray[np.float32], up_to_here_m: NDArray[np.float32]) -
 def _straight_lines(distance_m: NDArray[np.float32], price_m: NDArray[np.float32]) -> list[Lines]:
     """Columns and rows."""
     lines = []
-    for distances, prices in ((distance_m, price_m), (distance_m.swapaxes(1, 2), price_m.swapaxes(1, 2))):
+    for distances, prices in ((distance_m, price_m), (distance_m.T, price_m.T)):
         steps = np.zeros_like(prices)
-        steps[:, 1:] = 0.5 * (prices[:, 1:] + prices[:, :-1])
-        lines.append((distances, np.cumsum(steps, axis=1)))
+        steps[1:] = 0.5 * (prices[1:] + prices[:-1])
+        lines.append((distances, np.cumsum(steps, axis=0)))
     return lines
 
 
 def _diagonal_lines(flat_m: NDArray[np.float32], price_m: NDArray[np.float32]) -> list[Lines]:
     """Both kinds of diagonals: cells of a flat array that are a row and one more, or one less, apart."""
-    above = np.maximum(price_m[:, :-1], price_m[:, 1:])
-    steps = _DIAGONAL * np.maximum(above[:, :, :-1], above[:, :, 1:])
+    dearer = np.maximum(price_m[:-1], price_m[1:])
+    steps = _DIAGONAL * np.maximum(dearer[:, :-1], dearer[:, 1:])
     lines = []
     for side, columns in ((1, np.s_[1:]), (-1, np.s_[:-1])):
         entered = np.full_like(price_m, _BARRIER_M)
-        entered[:, 1:, columns] = steps
+        entered[1:, columns] = steps
         flat_steps, _ = _flat(entered, _BARRIER_M)
-        apart = price_m.shape[2] + 1 + side
-        cells = flat_m.shape[1] // apart
-        distances, prices = (
-            flat[:, : cells * apart].reshape(len(flat), cells, apart) for flat in (flat_m, flat_steps)
-        )
-        lines.append((distances, np.cumsum(prices, axis=1)))
+        apart = price_m.shape[1] + 1 + side
+        end = len(flat_m) // apart * apart
+        distances, prices = (flat[:end].reshape(-1, apart) for flat in (flat_m, flat_steps))
+        lines.append((distances, np.cumsum(prices, axis=0)))
     return lines
 
 
 def _flat(values: NDArray[np.float32], rest: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Rasters as flat arrays, with a column that parts their rows and two more rows; a view of the cells."""
-    count, rows, columns = values.shape
-    padded = np.full((count, rows + 2, columns + 1), rest, np.float32)
-    cells = padded[:, :rows, :columns]
+    """A raster as a flat array, with a column that parts its rows and two more rows; a view of the cells."""
+    rows, columns = values.shape
+    padded = np.full((rows + 2, columns + 1), rest, np.float32)
+    cells = padded[:rows, :columns]
     cells[:] = values
-    return padded.reshape(count, (rows + 2) * (columns + 1)), cells
+    return padded.reshape(-1), cells

@@ -12,19 +12,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from agents.wave_sweeps import spread_waves
+from agents.wave_sweeps import spread_wave
 
 NUM_HEADINGS: Final = 36
 """Headings in which an agent may be led: as far apart as a turn goes."""
 _LEFT_RAD: Final = np.linspace(0.0, 2.0 * np.pi, NUM_HEADINGS, endpoint=False)
-_AHEAD_M: Final = (0.15, 0.3, 0.45)
+_STRIDE_M: Final = 0.09
+_AHEAD_M: Final = tuple(_STRIDE_M * count for count in range(1, 6))
 _CROSS: Final = ndimage.generate_binary_structure(2, 1)[None]
 AHEAD_OFFSETS: Final = np.array(
     [(-along_m * np.sin(left), along_m * np.cos(left)) for left in _LEFT_RAD for along_m in _AHEAD_M],
     np.float32,
 )
-"""(NUM_HEADINGS * 3, 2) points a little ahead in each heading, the present one first and the others to its
-left: offsets to the right and ahead, metres."""
+"""(NUM_HEADINGS * 5, 2) points a little ahead in each heading, closer than cells; the present heading first,
+the others to its left: offsets to the right and ahead, metres."""
 
 
 @dataclass(frozen=True)
@@ -75,19 +76,28 @@ def distances_ahead(
     seeds_m: NDArray[np.float32],
     price_m: NDArray[np.float32],
     cells: NDArray[np.int64],
+    cell_m: float,
     settings: WayOutSettings,
 ) -> NDArray[np.float32]:
-    """How far the goal still is a little ahead in each heading.
+    """How long the way to the goal is that goes straight ahead at first, in each heading.
 
     Args:
         seeds_m: (K, rows, columns) float32 where waves begin, metres.
         price_m: (K, rows, columns) float32 `prices`, metres.
-        cells: (K, NUM_HEADINGS * 3, 2) cells (x, z) of `AHEAD_OFFSETS` in the windows.
+        cells: (K, NUM_HEADINGS * 5, 2) cells (x, z) of `AHEAD_OFFSETS` in the windows.
+        cell_m: Edge of a cell, metres.
         settings: Sizes.
 
     Returns:
-        (K, NUM_HEADINGS) float32 metres; the present heading first, the others to its left.
+        (K, NUM_HEADINGS) float32 metres, the mean over the points at which the way may bend; the present
+        heading first, the others to its left.
     """
-    distance_m = spread_waves(seeds_m, price_m, settings.max_rounds)
-    ahead_m = distance_m[np.arange(len(cells))[:, None], cells[..., 1], cells[..., 0]]
-    return np.asarray(ahead_m.reshape(len(cells), NUM_HEADINGS, len(_AHEAD_M)).mean(axis=2))
+    ahead_m = np.empty((len(cells), NUM_HEADINGS), np.float32)
+    for agent, (seeds, price, (columns, rows)) in enumerate(
+        zip(seeds_m, price_m, np.moveaxis(cells, -1, 1), strict=True)
+    ):
+        beyond_m = spread_wave(seeds, price, settings.max_rounds)[rows, columns]
+        crossed_m = price[rows, columns] * np.float32(_STRIDE_M / cell_m)
+        shape = NUM_HEADINGS, len(_AHEAD_M)
+        ahead_m[agent] = (beyond_m.reshape(shape) + crossed_m.reshape(shape).cumsum(axis=1)).mean(axis=1)
+    return ahead_m

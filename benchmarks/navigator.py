@@ -51,7 +51,7 @@ def make_together(seed: int = 0) -> VecMonitor:
 
 
 def make_one_by_one() -> VecMonitor:
-    """The same agents as environments of their own, stepped in turn as the library does by default."""
+    """As many agents as environments of their own, stepped in turn as the library does by default."""
     return VecMonitor(DummyVecEnv([partial(LoneAgent, index) for index in range(NUM_AGENTS)]))
 
 
@@ -59,12 +59,16 @@ class LoneAgent(gymnasium.Env[dict[str, NDArray[Any]], np.int64]):
     """One agent as an environment of its own.
 
     Args:
-        index: Which of the agents it is; they differ in their steps.
+        index: Which of the agents it is; they differ in their steps and cameras.
     """
 
     def __init__(self, index: int) -> None:
-        steps_m = DOMAIN.forward_step_m
-        domain = replace(DOMAIN, forward_step_m=(steps_m[index % len(steps_m)],))
+        steps_m, heights_m = DOMAIN.forward_step_m, DOMAIN.sensor_height_m
+        domain = replace(
+            DOMAIN,
+            forward_step_m=(steps_m[index % len(steps_m)],),
+            sensor_height_m=(heights_m[index // len(steps_m) % len(heights_m)],),
+        )
         self._agent = NavigationVecEnv(NavigatorNetSettings(), domain, 1, index)
         self.observation_space, self.action_space = self._agent.observation_space, self._agent.action_space
         self._next: dict[str, NDArray[Any]] | None = None

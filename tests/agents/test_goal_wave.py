@@ -8,7 +8,7 @@ import pytest
 from agents.ego_memory import EgoMemory, EgoMemorySettings
 from agents.goal_wave import DRIFT_SHARE, GoalWave, GoalWaveSettings
 from agents.navigator_net import NavigatorNetSettings
-from agents.wave_sweeps import spread_waves
+from agents.wave_sweeps import spread_wave
 from anm_gym.actions import Action
 from anm_gym.geometry import CameraSpec, camera_pose
 
@@ -80,24 +80,31 @@ def test_waves_take_turns_and_a_new_goal_comes_first() -> None:
 
 
 def test_wave_that_would_come_out_the_same_is_not_spread_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    spread_for: list[int] = []
+    spread = [0]
 
-    def count_waves(seeds_m: np.ndarray, price_m: np.ndarray, max_rounds: int) -> np.ndarray:
-        spread_for.append(len(seeds_m))
-        return spread_waves(seeds_m, price_m, max_rounds)
+    def count_wave(seeds_m: np.ndarray, price_m: np.ndarray, max_rounds: int) -> np.ndarray:
+        spread[0] += 1
+        return spread_wave(seeds_m, price_m, max_rounds)
 
-    monkeypatch.setattr("agents.goal_wave.spread_waves", count_waves)
+    monkeypatch.setattr("agents.goal_wave.spread_wave", count_wave)
     wave, both = GoalWave(2, SETTINGS), np.arange(2)
     goals, blocked = np.ones((2, 2), np.float32), np.zeros((2, 48, 48), bool)
     low = wave.low_cells(both, np.zeros((2, 2), np.float32))
     moved = low + np.array([[1], [0]])
-    wave.spread(both, low, blocked, goals)
-    wave.spread(both, low, blocked, goals + 0.01)
-    wave.spread(both, low, np.stack([blocked[0], ~blocked[1]]), goals)
-    wave.spread(both, moved, np.stack([blocked[0], ~blocked[1]]), goals)
+    wall = np.stack([blocked[0], ~blocked[1]])
+    counts = []
+    for corners, known, where in (
+        (low, blocked, goals),
+        (low, blocked, goals + 0.001),
+        (low, wall, goals),
+        (moved, wall, goals),
+        (moved, wall, goals + 0.05),
+    ):
+        wave.spread(both, corners, known, where.astype(np.float32))
+        counts.append(spread[0])
     wave.forget(1)
-    wave.spread(both, moved, np.stack([blocked[0], ~blocked[1]]), goals)
-    assert spread_for == [2, 0, 1, 1, 1]
+    wave.spread(both, moved, wall, goals + 0.05)
+    assert [*counts, spread[0]] == [2, 2, 3, 4, 6, 7]
 
 
 def test_window_stays_until_the_agent_is_far_from_its_middle_or_begins_anew() -> None:
@@ -109,6 +116,24 @@ def test_window_stays_until_the_agent_is_far_from_its_middle_or_begins_anew() ->
     assert wave.low_cells(one, HERE + np.float32(few_cells + 0.3)).tolist() != low.tolist()
     wave.forget(0)
     assert wave.low_cells(one, HERE + np.float32(few_cells)).tolist() != low.tolist()
+
+
+def test_waves_that_are_kept_stay_with_their_agents(monkeypatch: pytest.MonkeyPatch) -> None:
+    """So that none is spread again."""
+    wave, three = GoalWave(3, SETTINGS), np.arange(3)
+    goals = np.array([[2.0, 0.1], [-2.0, 0.1], [0.1, 2.0]], np.float32)
+    blocked = np.concatenate([wall_at_x(1.0, -4.0, 1.0), np.zeros(WINDOW, bool), wall_at_x(1.0, -1.0, 4.0)])
+    low = wave.low_cells(three, np.zeros((3, 2), np.float32))
+    wave.spread(three, low, blocked, goals)
+    points = np.zeros((3, 1, 2), np.float32)
+    before = wave.at(points)
+    kept = np.array([2, 0])
+    np.testing.assert_array_equal(wave.at(points[kept], kept), before[kept])
+    wave.keep(kept)
+    np.testing.assert_array_equal(wave.at(points[kept]), before[kept])
+    np.testing.assert_array_equal(wave.goals_of(np.arange(2)), goals[kept])
+    monkeypatch.setattr("agents.goal_wave.spread_wave", None)
+    wave.spread(np.arange(2), low[kept], blocked[kept], goals[kept])
 
 
 def test_maps_show_the_way_round_a_wall_that_was_seen() -> None:

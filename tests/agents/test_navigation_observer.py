@@ -6,6 +6,8 @@ from numpy.typing import NDArray
 
 from agents.navigation_observer import NavigationObserver
 from agents.navigator_net import NavigatorNetSettings
+from agents.reflexes import MAX_TURNS
+from anm_gym.actions import Action
 from anm_gym.geometry import CameraSpec, camera_pose
 
 COUNT = 4
@@ -40,3 +42,45 @@ def test_agents_that_are_kept_see_what_they_would_have_seen_among_all(frames) ->
         forward = np.ones(COUNT, np.int64)
         everyone.note(forward)
         some.note(forward[chosen])
+
+
+def test_lost_agents_are_led_each_its_own_way() -> None:
+    """Two of three turn on the spot before the first goes home: the others go on as if they were alone."""
+    settings, camera, left = NavigatorNetSettings().at_work(), CameraSpec(16, 16), int(Action.TURN_LEFT)
+    together = NavigationObserver(3, camera, 1.25, 0.25, settings)
+    alone = [NavigationObserver(1, camera, 1.25, 0.25, settings) for _ in range(3)]
+    depth = np.full((3, 16, 16), 8.0, np.float32)
+    goals = np.array([[3.0, 0.5], [3.0, -2.5], [3.0, 2.5]], np.float32)
+    actions = np.array([int(Action.MOVE_FORWARD), left, left])
+    for step in range(MAX_TURNS + 3):
+        places = [(0.5 * step, 0.0, 0.0), (7.0, 0.0, 0.17 * step), (0.0, 9.0, 0.17 * step)]
+        poses = np.stack([camera_pose((x, 1.25, z), turn) for x, z, turn in places]).astype(np.float32)
+        together.observe(depth, poses, goals)
+        together.note(actions)
+        for agent, observer in enumerate(alone):
+            one = np.s_[agent : agent + 1]
+            observer.observe(depth[one], poses[one], goals[one])
+            observer.note(actions[one])
+    each = [
+        observer.allowed(poses[agent : agent + 1], goals[agent : agent + 1])[0]
+        for agent, observer in enumerate(alone)
+    ]
+    np.testing.assert_array_equal(together.allowed(poses, goals), each)
+    assert [int(row.sum()) for row in each] == [3, 1, 1]
+    assert not np.array_equal(each[1], each[2])
+    kept = [2, 0]
+    together.keep(kept)
+    np.testing.assert_array_equal(together.allowed(poses[kept], goals[kept]), np.array(each)[kept])
+
+
+def test_new_episode_is_seen_as_by_a_new_observer(frames) -> None:
+    settings = NavigatorNetSettings()
+    used, new = (NavigationObserver(COUNT, CameraSpec(16, 16), 1.25, 0.25, settings) for _ in range(2))
+    for depth, poses, goals in frames:
+        used.observe(depth, poses + np.float32(0.3), goals)
+        used.note(np.ones(COUNT, np.int64))
+    for agent in range(COUNT):
+        used.begin_episode(agent)
+    again, first = (observer.observe(*frames[0]) for observer in (used, new))
+    for key, values in first.items():
+        np.testing.assert_array_equal(again[key], values, err_msg=key)

@@ -67,9 +67,9 @@ def test_agent_that_turns_to_and_fro_on_one_spot_may_not_turn_back_until_it_leav
     assert step(AWAY_M + 0.1, [FORWARD, FORWARD])[0] == [0, 1]
 
 
-def lost_agent() -> Reflexes:
+def lost_agent(turn_step_deg: float = 10.0) -> Reflexes:
     """An agent that has turned on the spot at the origin for too long."""
-    reflexes = Reflexes(1)
+    reflexes = Reflexes(1, turn_step_rad=np.deg2rad(turn_step_deg))
     for _ in range(MAX_TURNS + 1):
         reflexes.update(pose(0, 0, 0), np.array([int(Action.TURN_LEFT)]))
     assert reflexes.lost.tolist() == [True]
@@ -94,6 +94,11 @@ def test_lost_agent_is_not_led_into_what_stopped_it() -> None:
     reflexes.update(pose(0, 0, 0), np.array([FORWARD]))
     assert lead(reflexes, 1.0) == [int(Action.TURN_LEFT)]
     assert lead(reflexes, 359.0) == [int(Action.TURN_RIGHT)]
+
+
+def test_agent_with_wide_turns_walks_where_no_turn_brings_it_nearer() -> None:
+    assert lead(lost_agent(30.0), 10.0) == [FORWARD]
+    assert lead(lost_agent(30.0), 20.0) == [int(Action.TURN_LEFT)]
 
 
 def test_lost_agent_near_its_goal_may_stop() -> None:
