@@ -185,7 +185,7 @@ def wave_seeds(
         cell_m: Edge of a cell, metres.
 
     Returns:
-        (K, rows, columns) float32 seeds for `spread_waves`, metres.
+        (K, rows, columns) float32 seeds for `spread_wave`, metres.
     """
     seeds_m = np.full_like(straight_m, FAR_M)
     for rim in (np.s_[:, 0], np.s_[:, -1], np.s_[:, :, 0], np.s_[:, :, -1]):
