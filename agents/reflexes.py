@@ -72,7 +72,7 @@ class Reflexes:
 
     def begin_goal(self, index: int) -> None:
         """Forget how often an agent has turned; where it could not move stays known."""
-        self._turns[index] = self._led_steps[index] = 0
+        self._turns[index] = 0
 
     def keep(self, agents: Sequence[int]) -> None:
         """Go on with some of the agents only, in the order given."""

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from anm_gym.actions import FORWARD_STEP_M, TURN_STEP_DEG
+from anm_gym.metrics.pooling import pooled
 from anm_gym.metrics.view_table import ViewTable
 from anm_gym.sim.geodesic import GeodesicTree, GridGraph, nearest_free_cell
 from anm_gym.sim.grid import GridFrame
@@ -154,9 +155,7 @@ def _widened(grid: TraversableGrid) -> tuple[GridFrame, NDArray[np.bool_]]:
     free = grid.navigable
     if free.size <= _MAX_CELLS:
         return grid.frame, free
-    padded = np.pad(free, [(0, side % 2) for side in free.shape])
-    rows, columns = (side // 2 for side in padded.shape)
-    wide = np.asarray(padded.reshape(rows, 2, columns, 2).any(axis=(1, 3)))
+    wide = pooled(np.logical_or, free, 2)
     return GridFrame(grid.frame.origin_xz, 2.0 * grid.frame.cell_m, wide.shape), wide
 
 
