@@ -203,7 +203,7 @@ class EgoMemory:
         points = _to_world(AHEAD_OFFSETS, position_xz, -world_from_camera[:, [0, 2], 2])
         cells = np.floor(points / cell_m).astype(np.int64) - low[:, None]
         seeds_m = wave_seeds(straight_m, rim_m.reshape(price_m.shape), cell_m)
-        return distances_ahead(seeds_m, price_m, cells, float(cell_m), settings)
+        return distances_ahead(seeds_m, price_m, cells, float(cell_m))
 
     def _spread_waves(self, position_xz: NDArray[np.float32], goal_xz: NDArray[np.float32]) -> None:
         agents = self._wave.due(goal_xz)

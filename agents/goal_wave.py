@@ -11,7 +11,7 @@ from typing import Final, final
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.wave_sweeps import FAR_M, spread_wave
+from anm_gym.sim.geodesic import GridGraph
 
 DRIFT_SHARE: Final = 10
 """An agent may be this part of its window's width off the middle before the window moves."""
@@ -31,8 +31,6 @@ class GoalWaveSettings:
     """Price of a metre through blocked cells: finite, so that a goal behind furniture has a distance."""
     every_steps: int = 4
     """Steps between two waves of an agent; agents take turns."""
-    max_rounds: int = 160
-    """Rounds of sweeps after which it is left as it is; a few are enough."""
 
 
 @final
@@ -116,7 +114,7 @@ class GoalWave:
         seeds_m = wave_seeds(straight_m, straight_m, cell_m)
         price_m = np.where(blocked, cell_m * np.float32(self.settings.blocked_cost), cell_m)
         for agent, seeds, prices in zip(agents, seeds_m, price_m, strict=True):
-            self._distance_m[agent] = spread_wave(seeds, prices, self.settings.max_rounds)
+            self._distance_m[agent] = spread_wave(seeds, prices)
         self._low[agents], self._blocked[agents], self._goal_xz[agents] = low, blocked, goal_xz
 
     def _goal_is_off(
@@ -185,9 +183,23 @@ def wave_seeds(
         cell_m: Edge of a cell, metres.
 
     Returns:
-        (K, rows, columns) float32 seeds for `spread_wave`, metres.
+        (K, rows, columns) float32 distances at which waves begin, metres; infinite where they do not.
     """
-    seeds_m = np.full_like(straight_m, FAR_M)
+    seeds_m = np.full_like(straight_m, np.inf)
     for rim in (np.s_[:, 0], np.s_[:, -1], np.s_[:, :, 0], np.s_[:, :, -1]):
         seeds_m[rim] = rim_m[rim]
     return np.asarray(np.where(straight_m < 0.71 * cell_m, straight_m, seeds_m))
+
+
+def spread_wave(seeds_m: NDArray[np.float32], price_m: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Spread a wave over cells of different prices; it does not slip between dear ones that meet at a corner.
+
+    Args:
+        seeds_m: (rows, columns) float32 distances at which it begins, metres; infinite where it does not.
+        price_m: (rows, columns) float32 price of crossing a cell, metres.
+
+    Returns:
+        (rows, columns) float32 distances, metres.
+    """
+    graph = GridGraph(np.ones(price_m.shape, bool), 1.0, price_m, has_dear_corners=True)
+    return graph.spread(seeds_m).astype(np.float32)

@@ -28,6 +28,8 @@ NUM_PLANES: Final = len(FLAGS) + 3
 """Planes of each map: its flags and three distances to the goal."""
 GOAL_SCALE_M: Final = 10.0
 """Distances are divided by this before they enter the network, metres."""
+FORMER_WAVE_KEYS: Final = ("max_rounds",)
+"""What files may still say of the wave, and nobody asks any more."""
 WORK_WINDOW_CELLS: Final = 160
 """Window of the wave when a trained network is used: 32 m instead of 10 m, as wide as homes are."""
 WORK_BLOCKED_COST: Final = 200.0
@@ -62,7 +64,8 @@ class NavigatorNetSettings:
         memory: dict[str, Any] = {
             key: tuple(value) if isinstance(value, list) else value for key, value in values["memory"].items()
         }
-        memory["wave"] = GoalWaveSettings(**memory["wave"])
+        wave = {key: value for key, value in memory["wave"].items() if key not in FORMER_WAVE_KEYS}
+        memory["wave"] = GoalWaveSettings(**wave)
         memory["way_out"] = WayOutSettings(**memory.get("way_out", {}))
         return cls(**{**values, "memory": EgoMemorySettings(**memory)})
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from agents.wave_sweeps import spread_wave
+from agents.goal_wave import spread_wave
 
 NUM_HEADINGS: Final = 36
 """Headings in which an agent may be led: as far apart as a turn goes."""
@@ -40,8 +40,6 @@ class WayOutSettings:
     """Price where a step was cut short: something is there, but a gap may be beside it."""
     beside_cost: float = 3.0
     """Price beside occupied cells, which the body may touch."""
-    max_rounds: int = 40
-    """Rounds of sweeps."""
 
 
 def prices(
@@ -77,7 +75,6 @@ def distances_ahead(
     price_m: NDArray[np.float32],
     cells: NDArray[np.int64],
     cell_m: float,
-    settings: WayOutSettings,
 ) -> NDArray[np.float32]:
     """How long the way to the goal is that goes straight ahead at first, in each heading.
 
@@ -86,7 +83,6 @@ def distances_ahead(
         price_m: (K, rows, columns) float32 `prices`, metres.
         cells: (K, NUM_HEADINGS * 5, 2) cells (x, z) of `AHEAD_OFFSETS` in the windows.
         cell_m: Edge of a cell, metres.
-        settings: Sizes.
 
     Returns:
         (K, NUM_HEADINGS) float32 metres, the mean over the points at which the way may bend; the present
@@ -96,7 +92,7 @@ def distances_ahead(
     for agent, (seeds, price, (columns, rows)) in enumerate(
         zip(seeds_m, price_m, np.moveaxis(cells, -1, 1), strict=True)
     ):
-        beyond_m = spread_wave(seeds, price, settings.max_rounds)[rows, columns]
+        beyond_m = spread_wave(seeds, price)[rows, columns]
         crossed_m = price[rows, columns] * np.float32(_STRIDE_M / cell_m)
         shape = NUM_HEADINGS, len(_AHEAD_M)
         ahead_m[agent] = (beyond_m.reshape(shape) + crossed_m.reshape(shape).cumsum(axis=1)).mean(axis=1)

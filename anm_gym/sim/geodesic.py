@@ -41,17 +41,24 @@ class GridGraph:
         free: (rows, columns) bool.
         cell_m: Edge of a cell, metres.
         cost: (rows, columns) factor >= 0 on the length of a step, the mean of its two cells; None for 1.
+        has_dear_corners: Whether a diagonal step costs as the dearest of the four cells that it touches, so
+            that nothing slips between two dear ones that meet at a corner.
 
     Raises:
         ValueError: If `cost` has another shape.
     """
 
     def __init__(
-        self, free: NDArray[np.bool_], cell_m: float, cost: NDArray[np.floating] | None = None
+        self,
+        free: NDArray[np.bool_],
+        cell_m: float,
+        cost: NDArray[np.floating] | None = None,
+        *,
+        has_dear_corners: bool = False,
     ) -> None:
         if cost is not None and cost.shape != free.shape:
             raise ValueError(f"`cost` must have shape {free.shape}, got {cost.shape}")
-        self.free, self.cell_m = free, cell_m
+        self.free, self.cell_m, self._has_dear_corners = free, cell_m, has_dear_corners
         rows, columns = free.shape
         index = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
         parts = [self._edges(index, step, cost) for step in STEPS]
@@ -66,6 +73,28 @@ class GridGraph:
             return np.full(self.free.shape, np.inf)
         distance = dijkstra(self._graph, directed=False, indices=sources, min_only=True)
         return np.asarray(distance).reshape(self.free.shape)
+
+    def spread(self, beginning_m: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Spread a wave that is at some cells already, at different distances.
+
+        Args:
+            beginning_m: (rows, columns) metres >= 0 at which it begins; infinite where it does not.
+
+        Returns:
+            (rows, columns) shortest distances, metres; infinite where unreachable.
+        """
+        begins = np.flatnonzero(np.isfinite(beginning_m) & self.free)
+        graph, origin = self._graph, self.free.size
+        with_origin = csr_array(
+            (
+                np.concatenate([graph.data, beginning_m.reshape(-1)[begins]]),
+                np.concatenate([graph.indices, begins]),
+                np.append(graph.indptr, graph.nnz + len(begins)),
+            ),
+            shape=(origin + 1, origin + 1),
+        )
+        distance = dijkstra(with_origin, directed=False, indices=origin)
+        return np.asarray(distance[:-1]).reshape(self.free.shape)
 
     def tree_from(self, cell: ArrayLike, limit_m: float = np.inf) -> GeodesicTree:
         """Shortest paths from one free cell; cells farther than the limit are as if unreachable.
@@ -112,8 +141,12 @@ class GridGraph:
             both &= self.free[upper, right] & self.free[lower, left]
         length = self.cell_m * float(np.hypot(d_row, d_column))
         factor = np.ones(self.free.shape) if cost is None else cost
-        mean = 0.5 * (factor[upper, left] + factor[lower, right])
-        return index[upper, left][both], index[lower, right][both], length * mean[both]
+        if self._has_dear_corners and d_row and d_column:
+            touched = factor[upper, left], factor[upper, right], factor[lower, left], factor[lower, right]
+            factors = np.max(touched, axis=0)
+        else:
+            factors = 0.5 * (factor[upper, left] + factor[lower, right])
+        return index[upper, left][both], index[lower, right][both], length * factors[both]
 
 
 def nearest_free_cell(free: NDArray[np.bool_], cell: ArrayLike, max_cells: int) -> NDArray[np.int64] | None:

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from agents.ego_memory import EgoMemory, EgoMemorySettings
-from agents.goal_wave import DRIFT_SHARE, GoalWave, GoalWaveSettings
+from agents.goal_wave import DRIFT_SHARE, GoalWave, GoalWaveSettings, spread_wave
 from agents.navigator_net import NavigatorNetSettings
-from agents.wave_sweeps import spread_wave
 from anm_gym.actions import Action
 from anm_gym.geometry import CameraSpec, camera_pose
 
@@ -82,9 +81,9 @@ def test_waves_take_turns_and_a_new_goal_comes_first() -> None:
 def test_wave_that_would_come_out_the_same_is_not_spread_again(monkeypatch: pytest.MonkeyPatch) -> None:
     spread = [0]
 
-    def count_wave(seeds_m: np.ndarray, price_m: np.ndarray, max_rounds: int) -> np.ndarray:
+    def count_wave(seeds_m: np.ndarray, price_m: np.ndarray) -> np.ndarray:
         spread[0] += 1
-        return spread_wave(seeds_m, price_m, max_rounds)
+        return spread_wave(seeds_m, price_m)
 
     monkeypatch.setattr("agents.goal_wave.spread_wave", count_wave)
     wave, both = GoalWave(2, SETTINGS), np.arange(2)

@@ -86,6 +86,37 @@ def test_costly_cells_are_avoided_and_weigh_half_on_each_side():
     assert graph.distance_from((1, 1))[1, 2] == 5.0
 
 
+def test_a_dear_corner_is_not_slipped_past():
+    """Two dear cells touch at a corner: the diagonal between the cheap ones costs as they do."""
+    free, cost = np.ones((2, 2), bool), np.array([[1.0, 9.0], [9.0, 1.0]])
+    assert GridGraph(free, 1.0, cost).distance_from((0, 0))[1, 1] == pytest.approx(DIAGONAL)
+    dear = GridGraph(free, 1.0, cost, has_dear_corners=True)
+    assert dear.distance_from((0, 0))[1, 1] == pytest.approx(10.0), "round the corner, half of each step dear"
+    free, cost = np.ones((2, 3), bool), np.array([[1.0, 1.0, 1.0], [1.0, 9.0, 1.0]])
+    dear = GridGraph(free, 1.0, cost, has_dear_corners=True)
+    assert dear.distance_from((0, 1))[1].tolist() == [2.0, 5.0, 2.0], "corners of one dear cell are dear too"
+
+
+def test_a_wave_goes_on_from_where_it_is(rng):
+    free = rng.random((20, 30)) > 0.2
+    graph, cells = GridGraph(free, CELL_M, 1.0 + rng.random(free.shape)), np.argwhere(free)
+    begins = cells[rng.choice(len(cells), 5, replace=False)]
+    beginning_m = np.full(free.shape, np.inf)
+    beginning_m[tuple(begins.T)] = start_m = np.array([0.0, 0.1, 0.2, 0.4, 5.0])
+    expected = np.min(
+        [at_m + graph.distance_from(cell) for cell, at_m in zip(begins, start_m, strict=True)], axis=0
+    )
+    np.testing.assert_allclose(graph.spread(beginning_m), expected)
+
+
+def test_a_wave_begins_on_free_cells_only():
+    graph = GridGraph(parse("#.#."), 1.0)
+    np.testing.assert_array_equal(
+        graph.spread(np.array([[0.0, np.inf, 0.0, 3.0]])), [[np.inf, np.inf, np.inf, 3.0]]
+    )
+    assert np.isinf(graph.spread(np.full((1, 4), np.inf))).all()
+
+
 def test_a_map_without_a_free_cell_is_no_error():
     assert np.isinf(GridGraph(np.zeros((4, 4), bool), 1.0).distance_from((1, 1))).all()
 
