@@ -3,21 +3,25 @@
 Command: ``python -m train.episode_files --scenes home:studio:1,home:flat:2 --episodes 100``.
 """
 
-import json
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
-from jsonargparse import ArgumentParser
+from jsonargparse import ActionYesNo, ArgumentParser
 from tqdm import tqdm
 
 from anm_gym.envs.episode_files import write_episodes
 from anm_gym.envs.goals import GoalRange
+from anm_gym.envs.options import read_names
 from anm_gym.envs.pointnav_episodes import PointNavEpisode, draw_episodes
 from train.command import run_command, split_list
+from train.results import write_json
+
+QUICK_EPISODES: Final = 3
+"""Episodes in each scene under `--quick`."""
 
 
 @dataclass(frozen=True)
@@ -44,8 +48,14 @@ class Dataset:
     """Longest geodesic distance, metres."""
 
     def __post_init__(self) -> None:
-        if not self.scenes:
+        names = read_names("scenes", self.scenes)
+        if not names:
             raise ValueError("`scenes` must name at least one")
+        name, count = Counter(names).most_common(1)[0]
+        if count > 1:
+            raise ValueError(
+                f"`scenes` must name each scene once, got {name} {count} times; raise `episodes`"
+            )
         if self.episodes < 1:
             raise ValueError(f"`episodes` must be >= 1, got {self.episodes}")
         if not self.split or Path(self.split).name != self.split:
@@ -102,7 +112,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = _parser().parse_args(arguments)
     dataset = Dataset(
         scenes=split_list(options.scenes),
-        episodes=options.episodes,
+        episodes=QUICK_EPISODES if options.quick else options.episodes,
         seed=options.seed,
         split=options.split,
         out=Path(options.out),
@@ -118,7 +128,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print(f"{scene:<28}{row['episodes']:>9}{distances}")
     print(f"dataset: {summary['path']}")
     if options.json:
-        Path(options.json).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+        write_json(Path(options.json), summary)
 
 
 def _parser() -> ArgumentParser:
@@ -134,6 +144,8 @@ def _parser() -> ArgumentParser:
     add("--scene_options", type=dict | None, default=None, help="keywords for mesh files, such as up_axis")
     add("--min_distance_m", type=float, default=1.0, help="shortest geodesic distance, metres")
     add("--max_distance_m", type=float, default=30.0, help="longest geodesic distance, metres")
+    yes_or_no = ActionYesNo(yes_prefix="", no_prefix="no-")
+    add("--quick", action=yes_or_no, default=False, help=f"only {QUICK_EPISODES} episodes in each scene")
     add("--json", default=None, help="write the printed table to this file")
     return parser
 

@@ -9,10 +9,12 @@ import gzip
 import json
 import math
 import zlib
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final
 
+from anm_gym.envs.options import read_names
 from anm_gym.envs.pointnav_episodes import PointNavEpisode, is_upright
 from anm_gym.errors import EpisodeError
 
@@ -23,6 +25,7 @@ SCENES_PREFIX: Final = "data/scene_datasets/"
 SUFFIX: Final = ".json.gz"
 """End of every file's name."""
 
+_NAMED_OF_GOAL: Final = frozenset({"position", "radius"})
 _NAMED: Final = frozenset(
     {"episode_id", "scene_id", "start_position", "start_rotation", "goals", "shortest_paths", "info"}
 )
@@ -42,25 +45,25 @@ def read_episodes(path: str | Path, scenes: Sequence[str] | None = None) -> Iter
         The episodes in the order of the files.
 
     Raises:
+        TypeError: If `scenes` is a single text.
         EpisodeError: If a file is missing, cut off or malformed; the message names file and field.
 
     Source:
         Habitat's loader of `PointNav-v1`.
     """
-    split = Path(path)
+    split, wanted = Path(path), None if scenes is None else read_names("scenes", scenes)
     content = _read_json(split)
     pattern = content.get("content_scenes_path", CONTENT_PATH)
     if not isinstance(pattern, str) or "{scene}" not in pattern:
         raise EpisodeError(f"`content_scenes_path` of {split} must contain {{scene}}, got {pattern!r}")
     folder, ending = pattern.replace("{data_path}", str(split.parent)).split("{scene}", maxsplit=1)
     if not Path(folder).is_dir():
-        known = None if scenes is None else frozenset(scenes)
         episodes = _episodes_of(content, split)
-        yield from (found for found in episodes if known is None or _file_stem(found.scene_id) in known)
+        yield from (found for found in episodes if wanted is None or _file_stem(found.scene_id) in wanted)
         return
     names = (
-        scenes
-        if scenes is not None
+        wanted
+        if wanted is not None
         else sorted(
             file.name.removesuffix(ending) for file in Path(folder).iterdir() if file.name.endswith(ending)
         )
@@ -81,13 +84,16 @@ def write_episodes(path: str | Path, episodes: Iterable[PointNavEpisode]) -> tup
         The files, the split first.
 
     Raises:
-        ValueError: If the path does not end in ``.json.gz``, or two scenes would share a file.
-        EpisodeError: If files of other scenes lie there already: they would belong to the split.
+        ValueError: If the path does not end in ``.json.gz``, two scenes would share a file, or two
+            episodes of a scene share an id.
+        EpisodeError: If an episode could not be read back, or files of other scenes lie there already:
+            they would belong to the split. Nothing is written then.
     """
     split = Path(path)
     if not split.name.endswith(SUFFIX):
         raise ValueError(f"`path` must end in {SUFFIX}, got {split.name!r}")
     by_name = _by_file_stem(episodes)
+    records = [_records_of(found) for found in by_name.values()]
     folder = split.parent / "content"
     strangers = {file.name for file in folder.glob(f"*{SUFFIX}")} - {f"{name}{SUFFIX}" for name in by_name}
     if strangers:
@@ -97,21 +103,22 @@ def write_episodes(path: str | Path, episodes: Iterable[PointNavEpisode]) -> tup
         )
     folder.mkdir(parents=True, exist_ok=True)
     files = [folder / f"{name}{SUFFIX}" for name in by_name]
-    for file, found in zip(files, by_name.values(), strict=True):
-        _write_json(file, {"episodes": [to_json(episode) for episode in found]})
+    for file, own in zip(files, records, strict=True):
+        _write_json(file, {"episodes": own})
     _write_json(split, {"episodes": [], "content_scenes_path": CONTENT_PATH})
     return split, *files
 
 
 def to_json(episode: PointNavEpisode) -> dict[str, Any]:
     """Give an episode the form that it has in a file."""
+    position, radius_m = list(episode.goal_position), episode.goal_radius_m
     return {
         "episode_id": episode.episode_id,
         "scene_id": episode.scene_id,
         "start_position": list(episode.start_position),
         "start_rotation": list(episode.start_rotation),
         "info": dict(episode.info),
-        "goals": [{"position": list(episode.goal_position), "radius": episode.goal_radius_m}],
+        "goals": [{"position": position, "radius": radius_m, **episode.goal_others}],
         "shortest_paths": None if episode.shortest_paths is None else list(episode.shortest_paths),
         **episode.others,
     }
@@ -146,6 +153,7 @@ def from_json(record: Any, where: str) -> PointNavEpisode:
         goal_radius_m=None if radius_m is None else _numbers([radius_m], 1, "goals[0].radius", where)[0],
         shortest_paths=paths,
         info={} if info is None else _info(info, where),
+        goal_others={name: value for name, value in goal.items() if name not in _NAMED_OF_GOAL},
         others={name: value for name, value in fields.items() if name not in _NAMED},
     )
 
@@ -169,6 +177,28 @@ def _by_file_stem(episodes: Iterable[PointNavEpisode]) -> dict[str, list[PointNa
             )
         found.append(episode)
     return by_name
+
+
+def _records_of(episodes: Sequence[PointNavEpisode]) -> list[dict[str, Any]]:
+    """Give the episodes of a scene the form that they have in a file; refuse an id that several have."""
+    episode_id, count = Counter(str(episode.episode_id) for episode in episodes).most_common(1)[0]
+    if count > 1:
+        raise ValueError(
+            f"`episode_id` must be unique within {episodes[0].scene_id}, got {episode_id!r} {count} times"
+            "; number its episodes anew"
+        )
+    return [_checked_record(episode) for episode in episodes]
+
+
+def _checked_record(episode: PointNavEpisode) -> dict[str, Any]:
+    """Give an episode the form that it has in a file, if it can be read back from there."""
+    record, where = to_json(episode), f"episode {episode.episode_id} in {episode.scene_id}"
+    from_json(record, where)
+    try:
+        json.dumps(record, allow_nan=False)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise EpisodeError(f"{where} must be made of what JSON can say, got {error}") from error
+    return record
 
 
 def _file_stem(scene_id: str) -> str:

@@ -1,5 +1,6 @@
 """Point goals: how far away they are along the floor, and how they are drawn."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,6 +38,39 @@ class GoalRange:
                 "`min_distance_m` must be > 0 and less than `max_distance_m`, which must be finite, "
                 f"got {self.min_m} and {self.max_m}"
             )
+
+
+def draw_ends(
+    starts: Iterable[NDArray[np.float64]],
+    grid: TraversableGrid,
+    graph: GridGraph,
+    limits: GoalRange,
+    rng: np.random.Generator,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Take the first start that has a goal, and draw it.
+
+    Args:
+        starts: (2,) where the episode may begin, metres, at least one; the next is asked for only once
+            the one before has no goal.
+        grid: Where the body fits.
+        graph: The graph of its navigable cells.
+        limits: Allowed geodesic distance.
+        rng: Where the goal is drawn.
+
+    Returns:
+        (2,) start and (2,) goal, metres.
+
+    Raises:
+        EpisodeError: If no start has a goal; the message is about the last.
+    """
+    failure: EpisodeError | None = None
+    for start_xz in starts:
+        try:
+            return start_xz, draw_goal(grid, graph, start_xz, limits, rng)
+        except EpisodeError as error:
+            failure = error
+    assert failure is not None, "the caller gives at least one start"
+    raise failure
 
 
 def draw_goal(

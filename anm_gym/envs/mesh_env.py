@@ -10,6 +10,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from anm_gym.actions import Action
+from anm_gym.envs.largest_part import LARGEST, nearest_place
 from anm_gym.envs.noise import NoiseSpec
 from anm_gym.envs.options import EpisodeOptions, MeshEnvSettings, read_numbers
 from anm_gym.envs.picture import Moment, draw_moment
@@ -22,7 +23,6 @@ from anm_gym.sim.simulator import AgentState, Simulator
 
 Observation = dict[str, NDArray[Any]]
 UNBOUNDED = float(np.finfo(np.float32).max)
-_LARGEST = 1
 
 
 class MeshEnv(gymnasium.Env[Observation, np.int64], ABC):
@@ -245,15 +245,15 @@ class MeshEnv(gymnasium.Env[Observation, np.int64], ABC):
         """
         grid = self._simulator.grid
         part = grid.component_at(position_xz)
-        if part == _LARGEST:
+        if part == LARGEST:
             return
-        cells_xz = grid.frame.centers_of(np.argwhere(grid.component == _LARGEST))
-        nearest = cells_xz[np.linalg.norm(cells_xz - position_xz, axis=1).argmin()]
+        nearest_xz = nearest_place(grid, position_xz)
+        nearest = "nowhere" if nearest_xz is None else np.round(nearest_xz, 3).tolist()
         place = f"on a part of {grid.component_areas_m2[part - 1]:.2f} m2" if part else "not navigable"
         raise EpisodeError(
             f"`{name}` must be on the largest navigable part of the storey, got x, z = "
             f"{np.round(position_xz, 3).tolist()}, which is {place}"
-            f"; the nearest of it is {np.round(nearest, 3).tolist()}"
+            f"; the nearest of it is {nearest}"
         )
 
     def _look(self, depth_m: NDArray[np.float32]) -> None:

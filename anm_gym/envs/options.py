@@ -1,6 +1,6 @@
 """What an environment is told: settings when it is made, options when an episode begins."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any, Final
@@ -92,6 +92,17 @@ def read_numbers(name: str, values: Any, parts: tuple[str, ...]) -> NDArray[np.f
     if numbers.shape != (len(parts),) or not np.isfinite(numbers).all():
         raise ValueError(f"`{name}` must be finite numbers ({', '.join(parts)}), got {values!r}")
     return numbers
+
+
+def read_names(name: str, values: Iterable[str]) -> list[str]:
+    """Read a list of names.
+
+    Raises:
+        TypeError: If it is a single text, which would fall apart into letters.
+    """
+    if isinstance(values, str):
+        raise TypeError(f"`{name}` must be a list of names, got {values!r}; write [{values!r}]")
+    return list(values)
 
 
 def _hint(name: str, known: Sequence[str]) -> str:

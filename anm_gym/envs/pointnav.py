@@ -1,5 +1,6 @@
 """Navigation to a point that the agent can always see on its compass."""
 
+from collections.abc import Iterator
 from typing import Any, Final, final
 
 import numpy as np
@@ -7,11 +8,10 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from anm_gym.actions import Action
-from anm_gym.envs.goals import MAX_STARTS, GoalRange, draw_goal
+from anm_gym.envs.goals import MAX_STARTS, GoalRange, draw_ends
 from anm_gym.envs.mesh_env import UNBOUNDED, MeshEnv, Observation
 from anm_gym.envs.options import DEFAULT_SCENE, EpisodeOptions, MeshEnvSettings
 from anm_gym.envs.picture import Moment
-from anm_gym.errors import EpisodeError
 from anm_gym.geometry import pointgoal
 from anm_gym.sim.point_distance import DistanceToPoint
 
@@ -95,7 +95,7 @@ class PointNavEnv(MeshEnv):
         render_mode: str | None = None,
         **settings: Any,
     ) -> None:
-        if success_m <= 0.0:
+        if not success_m > 0.0:
             raise ValueError(f"`success_m` must be > 0, got {success_m}")
         self._success_m = success_m
         self._goal_range = GoalRange(min_distance_m, max_distance_m)
@@ -116,7 +116,10 @@ class PointNavEnv(MeshEnv):
         grid, start_xz = simulator.grid, simulator.state.position_xz
         if options.goal is None:
             start_is_free = options.start is None and self._start is None
-            start_xz, self._goal_xz = self._draw_goal(MAX_STARTS if start_is_free else 1)
+            starts = self._starts(MAX_STARTS if start_is_free else 1)
+            start_xz, self._goal_xz = draw_ends(
+                starts, grid, simulator.graph, self._goal_range, self.np_random
+            )
         else:
             self._require_largest_part("goal", options.goal)
             self._goal_xz = options.goal
@@ -124,23 +127,13 @@ class PointNavEnv(MeshEnv):
         self._distance_m = self._shortest_m = self._distance_to_goal(start_xz)
         self._has_succeeded = False
 
-    def _draw_goal(self, max_starts: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Draw a goal, and the start anew if none is at an allowed distance; (2,) start and goal."""
-        simulator = self.simulator
-        for attempt in range(max_starts):
-            start_xz = simulator.state.position_xz
-            try:
-                goal_xz = draw_goal(
-                    simulator.grid, simulator.graph, start_xz, self._goal_range, self.np_random
-                )
-            except EpisodeError:
-                if attempt == max_starts - 1:
-                    raise
-                self._place(None)
-                self._look(simulator.depth_m())
-            else:
-                return start_xz, goal_xz
-        raise AssertionError("the loop returns or raises")
+    def _starts(self, count: int) -> Iterator[NDArray[np.float64]]:
+        """Yield (2,) the start, and others in its place for as long as they are asked for."""
+        yield self.simulator.state.position_xz
+        for _ in range(count - 1):
+            self._place(None)
+            self._look(self.simulator.depth_m())
+            yield self.simulator.state.position_xz
 
     def _judge(self, action: Action, _depth_m: NDArray[np.float32]) -> tuple[float, bool]:
         before_m, self._distance_m = (

@@ -10,13 +10,12 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from anm_gym.envs.goals import MAX_STARTS, GoalRange, draw_goal
-from anm_gym.envs.shared_scenes import shared_scene
+from anm_gym.envs.goals import MAX_STARTS, GoalRange, draw_ends
+from anm_gym.envs.largest_part import LARGEST, is_open_between, nearest_place
+from anm_gym.envs.shared_scenes import shared_grid, shared_scene
 from anm_gym.errors import EpisodeError
 from anm_gym.scenes.scene import Scene, Storey
-from anm_gym.sim.geodesic import GridGraph
 from anm_gym.sim.point_distance import DistanceToPoint
 from anm_gym.sim.traversable import TraversableGrid
 
@@ -24,6 +23,12 @@ SAME_FLOOR_M: Final = 0.5
 """Places whose heights differ by less are on one floor, metres (Habitat's generator)."""
 GOAL_RADIUS_M: Final = 0.2
 """Radius of a drawn goal, metres (Habitat's generator)."""
+SNAP_M: Final = 0.25
+"""How far the ends of an episode are moved to where the body fits here, metres.
+
+Habitat's navigation mesh lets an agent stand a few centimetres nearer to walls than a grid of 5 cm does, and
+joins places that are cut off here. Farther than the body's diameter and a cell, it would be another place.
+"""
 UNIT_TOLERANCE: Final = 1e-3
 """How far a quaternion's norm, or the y of the agent's up axis, may be from 1."""
 
@@ -55,6 +60,8 @@ class PointNavEpisode:
     """Kept as it was read; nothing here uses it."""
     info: Mapping[str, Any] = field(default_factory=dict)
     """Kept as it was read; `geodesic_distance` is in it."""
+    goal_others: Mapping[str, Any] = field(default_factory=dict)
+    """Keys of the goal that are not named here, such as `room_id`."""
     others: Mapping[str, Any] = field(default_factory=dict)
     """Keys of the file that are not named here, such as `start_room`."""
 
@@ -111,6 +118,9 @@ def reset_options(
 ) -> Iterator[dict[str, Any]]:
     """Turn episodes into what ``reset(options=...)`` of `ANM/PointNav-v0` takes, one after the other.
 
+    A start or goal that is not on the largest navigable part is moved to its nearest place, if that is
+    within `SNAP_M` and no wall is between them; otherwise it is left as it is, for `reset` to refuse.
+
     Args:
         episodes: The episodes.
         scenes_dir: Folder below which their mesh files lie.
@@ -135,7 +145,9 @@ def reset_options(
         scene = shared_scene(name, scene_options)
         storey = storey_of(episode, scene)
         if storey == scene.storey:
-            yield {"scene": name, "start": episode.start, "goal": episode.goal}
+            grid, (x, z, heading_rad) = shared_grid(scene), episode.start
+            start = (*_snapped((x, z), grid), heading_rad)
+            yield {"scene": name, "start": start, "goal": _snapped(episode.goal, grid)}
         elif not skip_other_storeys:
             raise EpisodeError(
                 f"`start_position` of episode {episode.episode_id} in {scene.name} must be on storey "
@@ -197,10 +209,10 @@ def draw_episodes(
         EpisodeError: If `MAX_STARTS` starts have no goal at an allowed distance.
     """
     scene = shared_scene(scene_name(scene_id, scenes_dir), scene_options)
-    grid = TraversableGrid.from_mesh(scene.mesh, scene.floor_y_m)
-    graph = GridGraph(grid.navigable, grid.frame.cell_m)
+    grid = shared_grid(scene)
     for index in range(count):
-        start_xz, goal_xz = _draw_ends(grid, graph, limits or GoalRange(), rng)
+        starts = (grid.sample_position(rng) for _ in range(MAX_STARTS))
+        start_xz, goal_xz = draw_ends(starts, grid, grid.graph, limits or GoalRange(), rng)
         yield PointNavEpisode(
             episode_id=str(index),
             scene_id=scene_id,
@@ -208,19 +220,16 @@ def draw_episodes(
             start_rotation=rotation_of_heading(float(rng.uniform(-np.pi, np.pi))),
             goal_position=(float(goal_xz[0]), scene.floor_y_m, float(goal_xz[1])),
             goal_radius_m=GOAL_RADIUS_M,
-            info={"geodesic_distance": DistanceToPoint(grid, graph, goal_xz)(start_xz)},
+            info={"geodesic_distance": DistanceToPoint(grid, grid.graph, goal_xz)(start_xz)},
         )
 
 
-def _draw_ends(
-    grid: TraversableGrid, graph: GridGraph, limits: GoalRange, rng: np.random.Generator
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Draw start and goal, (2,) each; a start in a corner without goals is drawn again."""
-    for attempt in range(MAX_STARTS):
-        start_xz = grid.sample_position(rng)
-        try:
-            return start_xz, draw_goal(grid, graph, start_xz, limits, rng)
-        except EpisodeError:
-            if attempt == MAX_STARTS - 1:
-                raise
-    raise AssertionError("the loop returns or raises")
+def _snapped(position_xz: tuple[float, float], grid: TraversableGrid) -> tuple[float, float]:
+    """Move a floor point onto the largest navigable part if that is near, on this side of walls; metres."""
+    if grid.component_at(position_xz) == LARGEST:
+        return position_xz
+    nearest_xz = nearest_place(grid, position_xz)
+    if nearest_xz is None or np.linalg.norm(nearest_xz - position_xz) > SNAP_M:
+        return position_xz
+    is_here = is_open_between(grid, position_xz, nearest_xz)
+    return (float(nearest_xz[0]), float(nearest_xz[1])) if is_here else position_xz

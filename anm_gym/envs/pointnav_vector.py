@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from anm_gym.envs.lockstep import Lockstep, Transition
 from anm_gym.envs.mesh_env import Observation
-from anm_gym.envs.options import DEFAULT_SCENE
+from anm_gym.envs.options import DEFAULT_SCENE, read_names
 from anm_gym.envs.pointnav import PointNavEnv
+from anm_gym.registration import POINTNAV_STEPS
 
 Batch = dict[str, NDArray[Any]]
 
@@ -61,13 +62,13 @@ class PointNavVectorEnv(VectorEnv[Batch, NDArray[np.int64], NDArray[Any]]):
         scene: str = DEFAULT_SCENE,
         *,
         scenes: Sequence[str] | None = None,
-        max_episode_steps: int | None = None,
+        max_episode_steps: int | None = POINTNAV_STEPS,
         render_mode: str | None = None,
         **settings: Any,
     ) -> None:
         if num_envs < 1:
             raise ValueError(f"`num_envs` must be >= 1, got {num_envs}")
-        names = list(scenes) if scenes else [scene]
+        names = read_names("scenes", scenes) if scenes else [scene]
         envs = [
             PointNavEnv(names[index % len(names)], render_mode=render_mode, **settings)
             for index in range(num_envs)

@@ -15,6 +15,7 @@ from anm_gym.geometry import CameraSpec
 from anm_gym.scenes.catalog import HOME_PREFIX, make_scene
 from anm_gym.scenes.scene import Scene
 from anm_gym.sim.simulator import Simulator
+from anm_gym.sim.traversable import TraversableGrid
 
 NUM_SCENES = 8
 """How many scenes a process keeps beside those that environments are in."""
@@ -23,6 +24,7 @@ Options = tuple[tuple[str, Any], ...]
 SceneKey = tuple[str, Options, int]
 _in_use: Final[WeakValueDictionary[SceneKey, Scene]] = WeakValueDictionary()
 _worlds: Final[WeakKeyDictionary[Scene, dict[tuple[CameraSpec, str, str], Simulator]]] = WeakKeyDictionary()
+_grids: Final[WeakKeyDictionary[Scene, TraversableGrid]] = WeakKeyDictionary()
 
 
 def shared_scene(name: str, options: Mapping[str, Any] | None = None) -> Scene:
@@ -69,6 +71,23 @@ def shared_simulator(
     if key not in worlds:
         worlds[key] = Simulator(scene.mesh, scene.floor_y_m, camera, backend=backend, device=device)
     return worlds[key].twin(forward_step_m, turn_step_deg)
+
+
+def shared_grid(scene: Scene) -> TraversableGrid:
+    """Make the grid of where the agent's body fits in a scene, or hand out the one of a simulator there.
+
+    Args:
+        scene: The scene; it need not be one of `shared_scene`.
+
+    Raises:
+        SceneError: If the storey has no floor, or is too large.
+    """
+    if scene not in _grids:
+        simulators = list(_worlds.get(scene, {}).values())
+        _grids[scene] = (
+            simulators[0].grid if simulators else TraversableGrid.from_mesh(scene.mesh, scene.floor_y_m)
+        )
+    return _grids[scene]
 
 
 def _last_change_ns(name: str) -> int:

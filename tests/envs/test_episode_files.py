@@ -2,6 +2,8 @@
 
 import gzip
 import json
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +11,8 @@ import numpy as np
 import pytest
 
 from anm_gym.envs.episode_files import from_json, read_episodes, to_json, write_episodes
-from anm_gym.envs.pointnav_episodes import PointNavEpisode, draw_episodes
+from anm_gym.envs.pointnav import PointNavEnv
+from anm_gym.envs.pointnav_episodes import PointNavEpisode, draw_episodes, reset_options
 from anm_gym.errors import EpisodeError
 
 RECORD: dict[str, Any] = {
@@ -65,6 +68,33 @@ def test_episode_survives_being_written_and_read() -> None:
     episode = from_json(RECORD, "here")
     assert to_json(episode) == {**RECORD, "scene_id": "gibson/Cantwell.glb"}
     assert from_json(to_json(episode), "here") == episode
+
+
+def test_unknown_keys_of_the_goal_survive_too() -> None:
+    goal = {"position": [1.5, 0.107, 4.75], "radius": 0.2, "room_id": 7, "room_name": "kitchen"}
+    episode = from_json({**RECORD, "goals": [goal]}, "here")
+    assert episode.goal_others == {"room_id": 7, "room_name": "kitchen"}
+    assert to_json(episode)["goals"] == [goal]
+
+
+def test_file_of_episodes_close_to_walls_plays_through(
+    pointnav: Callable[..., PointNavEnv], rooms: str, tmp_path: Path
+) -> None:
+    (plain,) = draw_episodes(rooms, 1, np.random.default_rng(0), scene_options={"up_axis": "y"})
+    ends = [((-3.93, 0.0, 0.31), (3.9, 0.0, -1.88)), ((-0.05, 0.0, 1.0), (2.0, 0.0, 0.0))]
+    near = [
+        replace(plain, episode_id=str(index), start_position=start, goal_position=goal)
+        for index, (start, goal) in enumerate(ends)
+    ]
+    split, _ = write_episodes(tmp_path / "val.json.gz", near)
+    env = pointnav()
+    options = list(reset_options(read_episodes(split), scene_options={"up_axis": "y"}))
+    for found, episode in zip(options, near, strict=True):
+        _, info = env.reset(options=found)
+        assert np.linalg.norm(env.simulator.state.position_xz - episode.start[:2]) <= 0.25
+        assert np.linalg.norm(env.goal_xz - episode.goal) <= 0.25
+        assert np.isfinite(info["distance_to_goal_m"])
+        env.step(1)
 
 
 def test_written_episodes_are_read_back_scene_by_scene(tmp_path: Path) -> None:
@@ -127,6 +157,44 @@ def test_scenes_of_one_file_name_are_refused(tmp_path: Path) -> None:
     twins = [from_json({**RECORD, "scene_id": f"{folder}/Cantwell.glb"}, "here") for folder in "ab"]
     with pytest.raises(ValueError, match=r"different file names, got a/Cantwell.glb and b/Cantwell.glb"):
         write_episodes(tmp_path / "val.json.gz", twins)
+
+
+def test_ids_are_unique_within_a_scene_before_anything_is_written(tmp_path: Path) -> None:
+    twice = drawn("home:studio:1") + drawn("home:studio:1")
+    with pytest.raises(
+        ValueError, match=r"`episode_id` must be unique within home:studio:1, got '0' 2 times"
+    ):
+        write_episodes(tmp_path / "val" / "val.json.gz", twice)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            {"start_position": (float("nan"), 0.0, 0.0)},
+            r"`start_position` of episode 0 in home:studio:1 must be 3 finite numbers, got \[nan, 0.0, 0.0\]",
+        ),
+        ({"goal_radius_m": float("inf")}, r"`goals\[0\].radius` of episode 0 in home:studio:1 must be one"),
+        ({"others": {"score": float("nan")}}, "episode 0 in home:studio:1 must be made of what JSON can say"),
+        ({"info": {"rooms": {1, 2}}}, "episode 0 in home:studio:1 must be made of what JSON can say"),
+    ],
+)
+def test_episode_that_could_not_be_read_back_is_not_written(
+    tmp_path: Path, change: dict[str, Any], message: str
+) -> None:
+    (episode,) = drawn("home:studio:1", count=1)
+    with pytest.raises(EpisodeError, match=message):
+        write_episodes(tmp_path / "val" / "val.json.gz", [replace(episode, **change)])
+    assert not list(tmp_path.iterdir())
+
+
+def test_single_text_is_no_list_of_scenes(tmp_path: Path) -> None:
+    split, *_ = write_episodes(tmp_path / "val.json.gz", drawn("home:studio:1", count=1))
+    with pytest.raises(
+        TypeError, match=r"`scenes` must be a list of names, got 'Cantwell'; write \['Cantwell'"
+    ):
+        next(read_episodes(split, scenes="Cantwell"))
 
 
 def test_other_endings_are_refused(tmp_path: Path) -> None:

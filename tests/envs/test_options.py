@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from anm_gym.envs.options import EpisodeOptions
+from anm_gym.envs.options import EpisodeOptions, read_names
 
 KNOWN = ("scene", "start", "goal")
 
@@ -35,3 +35,9 @@ def test_option_of_another_environment_is_answered_with_the_choices() -> None:
 def test_malformed_start_is_refused(start: object) -> None:
     with pytest.raises(ValueError, match=r"`start` must be finite numbers \(x, z, heading_rad\)"):
         EpisodeOptions.read({"start": start}, KNOWN)
+
+
+def test_names_are_a_list_and_no_text() -> None:
+    assert read_names("scenes", ("a", "b")) == ["a", "b"]
+    with pytest.raises(TypeError, match=r"`scenes` must be a list of names, got 'ab'; write \['ab'\]"):
+        read_names("scenes", "ab")

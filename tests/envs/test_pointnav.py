@@ -83,9 +83,10 @@ def test_goal_in_a_wall_is_refused_with_the_nearest_place(pointnav: Callable[...
         pointnav().reset(seed=0, options={"goal": (0.0, 1.0)})
 
 
-def test_impossible_success_distance_is_refused() -> None:
-    with pytest.raises(ValueError, match="`success_m` must be > 0, got 0"):
-        PointNavEnv(success_m=0.0)
+@pytest.mark.parametrize("success_m", [0.0, -1.0, np.nan])
+def test_impossible_success_distance_is_refused(success_m: float) -> None:
+    with pytest.raises(ValueError, match=f"`success_m` must be > 0, got {success_m}"):
+        PointNavEnv(success_m=success_m)
 
 
 def test_start_without_a_goal_in_range_is_drawn_again(pointnav: Callable[..., PointNavEnv]) -> None:

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -136,6 +137,51 @@ def test_heights_between_or_across_floors_are_refused(two_storeys: str) -> None:
         storey_of(episode(1.5, 0.0), scene)
     with pytest.raises(EpisodeError, match=r"`goals\[0\].position`.*on the start's storey 0.*storey 1"):
         storey_of(episode(0.0, 3.0), scene)
+
+
+@pytest.mark.parametrize(
+    ("position_xz", "expected_xz"),
+    [
+        ((1.013, 0.521), (1.013, 0.521)),
+        ((3.93, 1.013), (3.875, 1.025)),
+        ((-3.95, -1.95), (-3.825, -1.825)),
+        ((4.02, 0.013), (3.875, 0.025)),
+        ((4.07, 0.013), (4.07, 0.013)),
+        ((4.2, 0.0), (4.2, 0.0)),
+        ((9.0, 9.0), (9.0, 9.0)),
+    ],
+)
+def test_ends_near_walls_are_moved_where_the_body_fits(
+    rooms: str, position_xz: tuple[float, float], expected_xz: tuple[float, float]
+) -> None:
+    (x, z), plain = position_xz, episode(0.0, 0.0, rooms)
+    at_start, at_goal = (
+        replace(plain, start_position=(x, 0.0, z)),
+        replace(plain, goal_position=(x, 0.0, z)),
+    )
+    (moved,) = options_of(at_start)
+    assert moved["start"] == pytest.approx((*expected_xz, 0.0))
+    assert moved["goal"] == plain.goal
+    (moved,) = options_of(at_goal)
+    assert moved["start"] == plain.start
+    assert moved["goal"] == pytest.approx(expected_xz)
+
+
+@pytest.mark.parametrize("name", ["start_position", "goal_position"])
+def test_end_far_from_the_floor_is_refused_when_it_is_played(
+    pointnav: Callable[..., PointNavEnv], rooms: str, name: str
+) -> None:
+    far: dict[str, Any] = {name: (4.3, 0.0, 0.0)}
+    (options,) = options_of(replace(episode(0.0, 0.0, rooms), **far))
+    word = name.removesuffix("_position")
+    with pytest.raises(EpisodeError, match=f"`{word}` must be on the largest.*; the nearest of it is"):
+        pointnav().reset(options=options)
+
+
+def test_place_by_hand_is_not_moved(pointnav: Callable[..., PointNavEnv], rooms: str) -> None:
+    near_wall = replace(episode(0.0, 0.0, rooms), goal_position=(3.93, 0.0, 1.0))
+    with pytest.raises(EpisodeError, match="`goal` must be on the largest"):
+        pointnav().reset(options={"goal": near_wall.goal})
 
 
 def test_radius_and_paths_do_not_change_what_is_played(rooms: str) -> None:

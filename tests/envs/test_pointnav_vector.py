@@ -59,6 +59,26 @@ def test_agents_are_handed_the_scenes_in_turn(room: str, rooms: str) -> None:
     assert envs[0].simulator is not envs[2].simulator
 
 
+def test_text_instead_of_a_list_of_scenes_is_an_error(rooms: str) -> None:
+    with pytest.raises(TypeError, match=r"`scenes` must be a list of names, got 'home:studio:1'; write \["):
+        PointNavVectorEnv(2, scenes="home:studio:1", camera=CAMERA)
+
+
+def test_step_limit_is_the_registered_one_unless_given(rooms: str) -> None:
+    registered = gymnasium.spec("ANM/PointNav-v0").max_episode_steps
+    assert registered is not None
+    turn = np.array([2])
+    for given, length in (
+        ({}, registered),
+        ({"max_episode_steps": 3}, 3),
+        ({"max_episode_steps": None}, None),
+    ):
+        envs = PointNavVectorEnv(**settings_of(rooms, camera={"width_px": 2, "height_px": 2}), **given)
+        envs.reset(seed=0)
+        steps = next((step for step in range(1, registered + 2) if envs.step(turn)[3][0]), None)
+        assert steps == length
+
+
 def test_wrong_number_of_agents_actions_or_seeds_is_an_error(rooms: str) -> None:
     with pytest.raises(ValueError, match="`num_envs` must be >= 1, got 0"):
         PointNavVectorEnv(0, **settings_of(rooms))

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from anm_gym.envs.explore import ExploreEnv
-from anm_gym.envs.shared_scenes import shared_scene
+from anm_gym.envs.shared_scenes import shared_grid, shared_scene
 from anm_gym.errors import SceneError
 from anm_gym.mesh import TriangleMesh
 
@@ -33,6 +33,17 @@ def test_changed_file_is_read_again(
     write_mesh(box_room(width_m=6.0), tmp_path / "box.ply")
     os.utime(name, (1, 1))
     assert shared_scene(name, Y_UP).mesh.bounds[1, 0] == pytest.approx(before.mesh.bounds[1, 0] + 1.0)
+
+
+def test_grid_of_a_scene_is_made_once_and_is_the_environments(
+    box_room: Callable[..., TriangleMesh], write_mesh: Callable[[TriangleMesh, Path], str], tmp_path: Path
+) -> None:
+    scene = shared_scene(write_mesh(box_room(), tmp_path / "grid.ply"), Y_UP)
+    alone = shared_grid(scene)
+    assert shared_grid(scene) is alone
+    env = ExploreEnv(write_mesh(box_room(), tmp_path / "other.ply"), scene_options=Y_UP)
+    assert shared_grid(env.scene) is env.simulator.grid
+    assert (alone.component == env.simulator.grid.component).all()
 
 
 def test_unknown_scene_is_an_error_when_the_environment_is_made() -> None:

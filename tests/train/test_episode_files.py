@@ -10,7 +10,7 @@ from train.episode_files import Dataset, main, write_dataset
 
 
 def test_command_writes_what_it_prints(tmp_path, capsys):
-    summary = tmp_path / "summary.json"
+    summary = tmp_path / "no" / "such" / "summary.json"
     out = ["--out", str(tmp_path), "--split", "train", "--json", str(summary)]
     main(["--scenes", "home:studio:1,home:studio:2", "--episodes", "3", *out])
     episodes = list(read_episodes(tmp_path / "train" / "train.json.gz"))
@@ -37,6 +37,28 @@ def test_mesh_is_named_without_the_folder_of_scenes(room_file, tmp_path):
 def test_scenes_added_at_the_end_leave_the_others_as_they_were(tmp_path):
     short, long = Dataset(["home:studio:1"], 2), Dataset(["home:studio:1", "home:studio:2"], 2)
     assert list(short.draw()) == list(long.draw())[:2]
+
+
+def test_quick_run_is_short_and_has_the_same_keys(tmp_path):
+    contents = []
+    for number, count in enumerate((["--quick"], ["--episodes", "5"])):
+        summary = tmp_path / f"{number}.json"
+        main(["--scenes", "home:studio:1", *count, "--out", str(tmp_path), "--json", str(summary)])
+        contents.append(json.loads(summary.read_text()))
+    assert [content["scenes"]["home:studio:1"]["episodes"] for content in contents] == [3, 5]
+    keys = [(content.keys(), content["scenes"]["home:studio:1"].keys()) for content in contents]
+    assert keys[0] == keys[1]
+
+
+def test_scene_named_twice_is_refused_before_anything_is_drawn(tmp_path):
+    with pytest.raises(ValueError, match="`scenes` must name each scene once, got home:studio:1 2 times"):
+        main(["--scenes", "home:studio:1,home:studio:2,home:studio:1", "--out", str(tmp_path / "new")])
+    assert not list(tmp_path.iterdir())
+
+
+def test_text_instead_of_a_list_of_scenes_is_refused():
+    with pytest.raises(TypeError, match="`scenes` must be a list of names, got 'home:studio:1'"):
+        Dataset("home:studio:1")
 
 
 def test_configuration_file_is_read(tmp_path):
