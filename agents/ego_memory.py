@@ -62,6 +62,14 @@ class EgoMemorySettings:
     short_share: float = 0.5
     """A forward step was cut short if it went less than this share of its length."""
 
+    def __post_init__(self) -> None:
+        widest = max(self.crop_cells, self.wave.window_cells, self.way_out.window_cells)
+        if self.grid_cells & (self.grid_cells - 1) or self.grid_cells < widest:
+            raise ValueError(
+                f"`grid_cells` must be a power of two and at least {widest}, the widest window, "
+                f"got {self.grid_cells}"
+            )
+
 
 @final
 class EgoMemory:
@@ -123,8 +131,7 @@ class EgoMemory:
             actions: (N,) actions that led here; anything but forward after a reset.
             forward_step_m: (N,) lengths of their forward steps, metres.
         """
-        position_xz = world_from_camera[:, [0, 2], 3]
-        ahead_xz = -world_from_camera[:, [0, 2], 2]
+        position_xz, ahead_xz = _places_of(world_from_camera)
         self._mark_image(depth_m.reshape(depth_m.shape[:3]), position_xz, ahead_xz, sensor_height_m)
         self._mark(self._agents, position_xz, VISITED)
         moved_m = np.linalg.norm(position_xz - self._position_xz, axis=1)
@@ -145,8 +152,7 @@ class EgoMemory:
             (N, scales, rows, columns) uint8 of `FLAGS`; 0 is unknown.
         """
         settings = self.settings
-        position_xz = world_from_camera[:, [0, 2], 3]
-        ahead_xz = -world_from_camera[:, [0, 2], 2]
+        position_xz, ahead_xz = _places_of(world_from_camera)
         crops = []
         for scale, (cell_m, offsets) in enumerate(zip(settings.cell_m, self._lattices, strict=True)):
             points = _to_world(offsets, position_xz, ahead_xz)
@@ -167,8 +173,7 @@ class EgoMemory:
         Returns:
             (N, scales, rows, columns) uint8; 128 is as near as the agent, 255 nearer by `wave_extent_m`.
         """
-        position_xz = world_from_camera[:, [0, 2], 3]
-        ahead_xz = -world_from_camera[:, [0, 2], 2]
+        position_xz, ahead_xz = _places_of(world_from_camera)
         self._spread_waves(position_xz, goal_xz)
         around = self.settings.wave.cell_m * _NEIGHBOURS
         own_m = self._wave.at(position_xz[:, None] + around).min(axis=1, keepdims=True)
@@ -190,7 +195,7 @@ class EgoMemory:
         Returns:
             (K, NUM_HEADINGS) float32 metres; the present heading first, the others to its left.
         """
-        position_xz = world_from_camera[:, [0, 2], 3]
+        position_xz, ahead_xz = _places_of(world_from_camera)
         settings, cell_m = self.settings.way_out, np.float32(self.settings.cell_m[0])
         low = np.floor(position_xz / cell_m).astype(np.int64) - settings.window_cells // 2
         flags = self._window(0, agents, low, settings.window_cells)
@@ -200,7 +205,7 @@ class EgoMemory:
         centers = cell_centers(low, settings.window_cells, cell_m)
         rim_m = self._wave.at(centers.reshape(len(agents), settings.window_cells**2, 2), agents)
         straight_m = straight_distances(centers, self._wave.goals_of(agents))
-        points = _to_world(AHEAD_OFFSETS, position_xz, -world_from_camera[:, [0, 2], 2])
+        points = _to_world(AHEAD_OFFSETS, position_xz, ahead_xz)
         cells = np.floor(points / cell_m).astype(np.int64) - low[:, None]
         seeds_m = wave_seeds(straight_m, rim_m.reshape(price_m.shape), cell_m)
         return distances_ahead(seeds_m, price_m, cells, float(cell_m))
@@ -304,6 +309,13 @@ def wave_extent_m(settings: EgoMemorySettings, scale: int) -> float:
 def spread_pixels(available: int, wanted: int) -> NDArray[np.int64]:
     """Indices of `wanted` of `available` rows or columns, evenly spread; some twice if there are too few."""
     return np.asarray(((np.arange(wanted) + 0.5) * available / wanted).astype(np.int64))
+
+
+def _places_of(
+    world_from_camera: NDArray[np.float32],
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """(N, 2) where agents stand, metres, and (N, 2) the directions in which they look, of length 1."""
+    return world_from_camera[:, [0, 2], 3], -world_from_camera[:, [0, 2], 2]
 
 
 def _to_world(

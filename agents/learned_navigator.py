@@ -11,9 +11,8 @@ from agents.navigation_observer import NavigationObserver
 from agents.navigator import Navigator
 from agents.navigator_net import NavigatorNet
 from agents.planning_navigators import PlannerNavigator
-from agents.policy_file import load_policy
+from agents.policy_file import load_policy, policy_identity
 from agents.rollouts import turn_towards
-from agents.weights_identity import WeightsIdentity, weights_digest
 from anm_gym.actions import MOVES, Action
 from anm_gym.geometry import pointgoal
 from anm_gym.wrappers.goal import Goal, GoalWrapper
@@ -24,7 +23,7 @@ class LearnedSettings:
     """How a learned navigator is used."""
 
     policy: str = "ddppo-plus"
-    """Name of the weights that come with the package, or a file."""
+    """Name of the weights that come with a checkout, or a file."""
     deterministic: bool = False
     """Take the likeliest action instead of drawing one."""
     resets_memory: bool = True
@@ -66,7 +65,7 @@ class DDPPONavigator(Navigator):
     def __init__(self, env: GoalWrapper, settings: LearnedSettings | None = None, seed: int = 0) -> None:
         self.settings = settings or LearnedSettings()
         self._net: NavigatorNet = load_policy(self.settings.policy)
-        self.policy_identity = WeightsIdentity(self._net.settings.at_work(), weights_digest([self._net]))
+        self.policy_identity = policy_identity(self._net)
         self._planner = PlannerNavigator(env, seed=seed) if self.settings.hands_over else None
         super().__init__(env, seed)
         if self._planner is not None:
@@ -86,12 +85,13 @@ class DDPPONavigator(Navigator):
         self._policy = LearnedPolicy(self._net, 1, self._seed, deterministic=self.settings.deterministic)
         self._rng = np.random.default_rng(self._seed)
         self._goal: Goal | None = None
-        self._is_handed_over = False
+        self._is_handed_over, self._idle_steps = False, 0
         if self._planner is not None:
             self._planner.begin_episode()
 
     def _act(self, observation: Any) -> Action:
-        if self._is_stuck():
+        self._count_idle_steps()
+        if self._idle_steps > self.settings.patience_steps:
             self._give_up()
         if self.env.goal is not self._goal:
             self._take_up(self.env.goal)
@@ -103,20 +103,20 @@ class DDPPONavigator(Navigator):
 
     def _take_up(self, goal: Goal) -> None:
         self._goal, self._is_handed_over = goal, False
-        self._nearest_m, self._idle_steps = np.inf, 0
+        self._nearest_m = np.inf
         if self.settings.resets_memory:
             self._policy.begin(0)
             self._observer.begin_goal(0)
 
-    def _is_stuck(self) -> bool:
+    def _count_idle_steps(self) -> None:
         """Count the steps without coming nearer to a goal under way."""
         if self._goal is not self.env.goal or self._is_handed_over:
-            return False
+            self._idle_steps = 0
+            return
         distance_m = self._distance_m(self.env.goal.position_xz)
         self._idle_steps += 1
         if distance_m < self._nearest_m - self.settings.progress_m:
             self._nearest_m, self._idle_steps = distance_m, 0
-        return self._idle_steps > self.settings.patience_steps
 
     def _give_up(self) -> None:
         """Hand the goal to the planner, or to the wrapper."""

@@ -1,6 +1,7 @@
 """What a learned navigator's network is shown, made from what a point-goal environment observes.
 
-Training, evaluation and the seat under a goal wrapper all go through here, so they cannot differ.
+Training, evaluation and the seat under a goal wrapper all go through here. At work the wave is wider than in
+training, and moves that cannot help are left out (`NavigatorNetSettings.at_work`, `agents.reflexes`).
 """
 
 from collections.abc import Sequence
@@ -12,7 +13,6 @@ from numpy.typing import NDArray
 from agents.ego_memory import EgoMemory, spread_pixels
 from agents.navigator_net import NUM_PREVIOUS, NavigatorNetSettings
 from agents.reflexes import DEFAULT_TURN_RAD, Reflexes
-from anm_gym.actions import Action
 from anm_gym.geometry import CameraSpec
 
 MAX_DEPTH_M: Final = 10.0
@@ -47,7 +47,7 @@ class NavigationObserver:
         self._sensor_height_m = np.broadcast_to(np.float32(sensor_height_m), (num_agents,))
         self._forward_step_m = np.broadcast_to(np.float32(forward_step_m), (num_agents,))
         self._previous = np.full(num_agents, NUM_PREVIOUS - 1, np.uint8)
-        self._reflexes = Reflexes(num_agents, turn_step_rad=turn_step_rad)
+        self._reflexes = Reflexes(num_agents, self._forward_step_m, turn_step_rad=turn_step_rad)
         self._rows, self._columns = (
             spread_pixels(count, settings.image_px) for count in (camera.height_px, camera.width_px)
         )
@@ -116,8 +116,9 @@ class NavigationObserver:
             "forward_step_m": self._forward_step_m[:, None].copy(),
         }
         if self._memory is not None:
-            moved = np.where(self._previous == int(Action.MOVE_FORWARD), self._previous, 0)
-            self._memory.update(images, world_from_camera, self._sensor_height_m, moved, self._forward_step_m)
+            self._memory.update(
+                images, world_from_camera, self._sensor_height_m, self._previous, self._forward_step_m
+            )
             batch["maps"] = self._memory.crops(world_from_camera)
             batch["waves"] = self._memory.waves(world_from_camera, _goals_of(world_from_camera, pointgoal))
         return batch

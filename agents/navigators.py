@@ -12,21 +12,25 @@ from agents.planning_navigators import OracleNavigator, PlannerNavigator
 from anm_gym.wrappers.goal import GoalWrapper
 
 
-def _learned(settings: LearnedSettings) -> Callable[[GoalWrapper, int], Navigator]:
+def _seat(settings: LearnedSettings) -> Callable[[GoalWrapper, int], Navigator]:
     return lambda env, seed: DDPPONavigator(env, settings, seed)
 
 
+LEARNED: Final[dict[str, LearnedSettings]] = {
+    "ddppo": PLUS,
+    "ddppo-plus": PLUS,
+    "ddppo-star": STAR,
+    "ddppo-paper": replace(PLUS, resets_memory=False, has_reflexes=False, stop="random"),
+    "ddppo+fallback": replace(PLUS, hands_over=True),
+}
+"""Those with a network, and how it is used. `ddppo` is `ddppo-plus`; `ddppo-paper` treats new goals and stops
+as the released code does; `ddppo+fallback` hands over to the planner where it is stuck."""
 NAVIGATORS: Final[dict[str, Callable[[GoalWrapper, int], Navigator]]] = {
     "planner": lambda env, seed: PlannerNavigator(env, seed=seed),
     "oracle": lambda env, seed: OracleNavigator(env, seed=seed),
-    "ddppo": _learned(PLUS),
-    "ddppo-plus": _learned(PLUS),
-    "ddppo-star": _learned(STAR),
-    "ddppo-paper": _learned(replace(PLUS, resets_memory=False, has_reflexes=False, stop="random")),
-    "ddppo+fallback": _learned(replace(PLUS, hands_over=True)),
+    **{name: _seat(settings) for name, settings in LEARNED.items()},
 }
-"""All navigators. `ddppo` is `ddppo-plus`; `ddppo-paper` treats new goals and stops as the released code
-does; `ddppo+fallback` hands over to the planner where it is stuck."""
+"""All navigators."""
 
 
 def make_navigator(name: str, env: gymnasium.Env[Any, Any], seed: int = 0) -> Navigator:

@@ -7,6 +7,7 @@ import torch
 
 from agents.navigator_net import NavigatorNet, NavigatorNetSettings
 from agents.weights_file import WEIGHTS_FOLDER, WeightsFormat
+from agents.weights_identity import WeightsIdentity, weights_digest
 from anm_gym.errors import PolicyError
 
 FORMAT: Final = WeightsFormat("anm_gym.navigator.1", "policy")
@@ -38,12 +39,17 @@ def load_policy(name_or_path: str | Path) -> NavigatorNet:
     return net.eval()
 
 
+def policy_identity(net: NavigatorNet) -> WeightsIdentity:
+    """What tells a navigator's network at work from another of the same name."""
+    return WeightsIdentity(net.settings.at_work(), weights_digest([net]))
+
+
 def _path_of(name_or_path: str | Path) -> Path:
     path = Path(name_or_path)
     if path.suffix or path.is_file():
         return path
     shipped = WEIGHTS_FOLDER / f"{name_or_path}.safetensors"
     if not shipped.exists():
-        known = ", ".join(sorted(file.stem for file in WEIGHTS_FOLDER.glob("*.safetensors"))) or "none"
+        known = ", ".join(sorted(file.stem for file in WEIGHTS_FOLDER.glob("ddppo-*.safetensors"))) or "none"
         raise PolicyError(f"unknown policy {str(name_or_path)!r}; choose one of: {known}, or give a file")
     return shipped

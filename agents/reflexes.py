@@ -1,9 +1,9 @@
 """Moves that a learned navigator need not try: what the goal sensor and the last steps already tell.
 
-A policy is drawn from a distribution, so a rare mistake happens once in a long episode. Three mistakes can
-be told from the observation alone: stopping where the goal is known to be out of reach of success,
-walking again into what has just cut a step short, and turning on the spot without end. An agent that
-does the last is lost, and is led away from there along the wave from its goal.
+A policy is drawn from a distribution, so a rare mistake happens once in a long episode. Four mistakes can
+be told from the observation alone: stopping where the goal is known to be out of reach of success, not
+stopping where it is at hand, walking again into what has just cut a step short, and turning on the spot
+without end. An agent that does the last is lost, and is led away from there along the wave from its goal.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,6 +17,9 @@ from anm_gym.geometry import heading_of, wrap_angle
 
 _FAR_M: Final = 1e9
 """Where an agent was before its episode: nowhere near, metres."""
+NEAR_SHARE: Final = 0.75
+"""Within this share of the distance of success an agent has arrived: the way is a little longer than the
+straight line, which is what it knows, but no wall fits between."""
 DEFAULT_TURN_RAD: Final = float(np.deg2rad(10.0))
 """Angle of a turn, radians."""
 MOVED_M: Final = 0.02
@@ -32,6 +35,8 @@ AWAY_M: Final = 1.5
 MAX_LED_STEPS: Final = 80
 """It is led no longer than this: what leads it may be wrong as well."""
 _ROUNDING_RAD: Final = 1e-6
+_ONLY: Final = np.eye(len(Action), dtype=bool)
+"""Row by row what is allowed if one action alone is."""
 _TURNS: Final = (int(Action.TURN_LEFT), int(Action.TURN_RIGHT))
 
 
@@ -41,6 +46,7 @@ class Reflexes:
 
     Args:
         num_agents: N.
+        forward_step_m: (N,) lengths of their forward steps, metres.
         success_m: Distance within which a stop succeeds, metres.
         turn_step_rad: Angle by which they turn, radians.
 
@@ -49,9 +55,16 @@ class Reflexes:
     """
 
     def __init__(
-        self, num_agents: int, success_m: float = 0.2, turn_step_rad: float = DEFAULT_TURN_RAD
+        self,
+        num_agents: int,
+        forward_step_m: float | NDArray[np.floating],
+        success_m: float = 0.2,
+        turn_step_rad: float = DEFAULT_TURN_RAD,
     ) -> None:
-        self._success_m, self._turn_step_rad = success_m, turn_step_rad
+        self._turn_step_rad = turn_step_rad
+        self._near_m = NEAR_SHARE * success_m
+        steps_m = np.broadcast_to(np.asarray(forward_step_m), (num_agents,))
+        self._stop_m = np.where(2.0 * steps_m < success_m, self._near_m, success_m)
         self._position_xz = np.full((num_agents, 2), _FAR_M)
         self._blocked_rad: list[list[float]] = [[] for _ in range(num_agents)]
         self._spot_xz = np.full((num_agents, 2), _FAR_M)
@@ -79,7 +92,7 @@ class Reflexes:
         self._position_xz, self._spot_xz = self._position_xz[agents], self._spot_xz[agents]
         self._blocked_rad = [self._blocked_rad[agent] for agent in agents]
         self._turns, self._last_turn = self._turns[agents], self._last_turn[agents]
-        self._led_steps = self._led_steps[agents]
+        self._led_steps, self._stop_m = self._led_steps[agents], self._stop_m[agents]
 
     def update(self, world_from_camera: NDArray[np.float32], previous: NDArray[np.integer]) -> None:
         """Take note of what the last actions came to.
@@ -119,25 +132,25 @@ class Reflexes:
                 a lost agent may not turn back.
 
         Returns:
-            (N, actions) bool; one move at least is always allowed. A lost agent that is led has no choice but
-            to stop near its goal.
+            (N, actions) bool; one at least is always allowed. An agent that has arrived can but stop; one
+            with long steps may stop a little before, and one with short steps, which can go on, may not. A
+            lost agent that is led has no choice, unless it may stop.
         """
         allowed = np.ones((len(distance_m), len(Action)), bool)
-        allowed[:, int(Action.STOP)] = distance_m < self._success_m
+        allowed[:, int(Action.STOP)] = distance_m < self._stop_m
         for index, blocked in enumerate(self._blocked_rad):
             heading = heading_of(world_from_camera[index])
             if _is_among(heading, blocked):
                 allowed[index, int(Action.MOVE_FORWARD)] = False
+        for index, distances_m in (ahead_m or {}).items():
+            if not allowed[index, int(Action.STOP)]:
+                heading = heading_of(world_from_camera[index])
+                move = _lead(distances_m, heading, self._blocked_rad[index], self._turn_step_rad)
+                allowed[index] = _ONLY[int(move)]
         if ahead_m is None:
             for turn, back in (_TURNS, _TURNS[::-1]):
                 allowed[self.lost & (self._last_turn == turn), back] = False
-            return allowed
-        for index, distances_m in ahead_m.items():
-            if not allowed[index, int(Action.STOP)]:
-                heading = heading_of(world_from_camera[index])
-                allowed[index] = False
-                move = _lead(distances_m, heading, self._blocked_rad[index], self._turn_step_rad)
-                allowed[index, int(move)] = True
+        allowed[distance_m < self._near_m] = _ONLY[int(Action.STOP)]
         return allowed
 
 

@@ -167,6 +167,9 @@ def run_job(job: Job, progress: Progress | None = None) -> Episode:
         "repairs": list(scene_of(env).repairs),
         "start": [round(number, 6) for number in trajectory.poses[0].tolist()],
         "attribution": failures.as_row(),
+        "handovers": None
+        if (handovers := find_attribute(agent.env, "handovers")) is None
+        else len(handovers),
         **record.scores,
         **trail_scores(recorder.meter, trajectory, job.steps),
         **(map_scores(neural_map, scene_of(env)) if is_scored else {}),

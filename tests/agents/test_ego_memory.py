@@ -86,3 +86,11 @@ def test_agents_have_memories_of_their_own_and_can_forget() -> None:
     memory.reset(0)
     assert not memory.crops(both)[0].any()
     assert memory.crops(both)[1].any()
+
+
+@pytest.mark.parametrize("grid_cells", [200, 32])
+def test_grid_that_windows_do_not_fit_on_is_refused(grid_cells: int) -> None:
+    with pytest.raises(
+        ValueError, match=f"power of two and at least 64, the widest window, got {grid_cells}"
+    ):
+        EgoMemorySettings(grid_cells=grid_cells)

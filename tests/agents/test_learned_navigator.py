@@ -12,6 +12,7 @@ import torch
 from gymnasium.utils import RecordConstructorArgs
 
 from agents.learned_navigator import DDPPONavigator, LearnedSettings
+from agents.learned_policy import LearnedPolicy
 from agents.navigator_net import NavigatorNet, NavigatorNetSettings
 from agents.navigators import NAVIGATORS, make_navigator
 from agents.policy_file import save_policy
@@ -100,6 +101,29 @@ def test_agent_at_its_goal_turns_to_where_it_should_look(seat, habit) -> None:
     actions = drive(env, DDPPONavigator(env, habit(FORWARD, LEFT)), 9)
     assert actions[:8] == [LEFT] * 8
     assert len(env.goals) > 1, "the goal has been reached"
+
+
+@pytest.mark.parametrize("resets_memory", [True, False])
+def test_state_is_forgotten_at_every_new_goal_unless_asked_not_to(
+    seat, habit, monkeypatch: pytest.MonkeyPatch, resets_memory: bool
+) -> None:
+    begun: list[int] = []
+    monkeypatch.setattr(LearnedPolicy, "begin", lambda _, index: begun.append(index))
+    env = seat(2.0, -1.5)
+    env.reset(seed=0)
+    settings = habit(LEFT, FORWARD, patience_steps=10, resets_memory=resets_memory)
+    drive(env, DDPPONavigator(env, settings), 30)
+    assert len(env.failures) == 2
+    assert begun == ([0] * 3 if resets_memory else [])
+
+
+def test_paper_variant_keeps_its_state_and_answers_stops_at_random(seat) -> None:
+    env = seat(2.0, -1.5)
+    env.reset(seed=0)
+    navigator = make_navigator("ddppo-paper", env)
+    settings = navigator.settings
+    assert (settings.resets_memory, settings.has_reflexes, settings.stop) == (False, False, "random")
+    assert STOP not in drive(env, navigator, 20)
 
 
 def test_goal_without_progress_is_reported(seat, habit) -> None:

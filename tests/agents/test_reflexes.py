@@ -7,22 +7,34 @@ from anm_gym.actions import Action
 from anm_gym.geometry import camera_pose
 
 FORWARD, STOP = int(Action.MOVE_FORWARD), int(Action.STOP)
-FAR, NEAR = np.array([3.0]), np.array([0.19])
+FAR, NEAR, THERE = np.array([3.0]), np.array([0.19]), np.array([0.14])
+STEP_M = 0.25
 
 
 def pose(x: float, z: float, heading_rad: float) -> np.ndarray:
     return camera_pose((x, 1.0, z), heading_rad)[None].astype(np.float32)
 
 
-def test_stop_is_worth_a_try_only_where_it_succeeds() -> None:
-    reflexes = Reflexes(2)
-    allowed = reflexes.allowed(pose(0, 0, 0).repeat(2, axis=0), np.array([0.21, 0.19]))
-    assert allowed[:, STOP].tolist() == [False, True]
-    assert allowed[:, [1, 2, 3]].all()
+def test_stop_is_worth_a_try_only_where_it_succeeds_and_has_no_choice_where_the_agent_has_arrived() -> None:
+    """Steps of 6.5 cm lead nearer, so such an agent does not stop where the way may still be too long."""
+    distances_m = np.array([0.21, 0.19, 0.14])
+    poses, moves = pose(0, 0, 0).repeat(3, axis=0), [FORWARD, 2, 3]
+    for step_m, may_stop in ((0.25, [False, True, True]), (0.065, [False, False, True])):
+        allowed = Reflexes(3, step_m).allowed(poses, distances_m)
+        assert allowed[:, STOP].tolist() == may_stop
+        assert allowed[:, moves].all(axis=1).tolist() == [True, True, False]
+        assert not allowed[2, moves].any()
+
+
+def test_agents_of_different_steps_stop_at_different_distances() -> None:
+    reflexes, poses = Reflexes(2, np.array([0.25, 0.065])), pose(0, 0, 0).repeat(2, axis=0)
+    assert reflexes.allowed(poses, NEAR.repeat(2))[:, STOP].tolist() == [True, False]
+    reflexes.keep([1, 0])
+    assert reflexes.allowed(poses, NEAR.repeat(2))[:, STOP].tolist() == [False, True]
 
 
 def test_heading_that_was_blocked_is_not_tried_again_before_the_agent_has_moved() -> None:
-    reflexes = Reflexes(1)
+    reflexes = Reflexes(1, STEP_M)
     steps = [(0.0, 0.0, Action.STOP), (0.0, 0.0, Action.MOVE_FORWARD), (0.0, 0.5, Action.TURN_LEFT)]
     allowed = []
     for x, heading_rad, previous in [*steps, (0.0, 0.0, Action.TURN_RIGHT), (0.1, 0.0, Action.MOVE_FORWARD)]:
@@ -33,14 +45,14 @@ def test_heading_that_was_blocked_is_not_tried_again_before_the_agent_has_moved(
 
 
 def test_heading_is_known_again_across_the_half_turn() -> None:
-    reflexes = Reflexes(1)
+    reflexes = Reflexes(1, STEP_M)
     for heading_rad in (np.pi - 0.01, np.pi - 0.01):
         reflexes.update(pose(0, 0, heading_rad), np.array([FORWARD]))
     assert not reflexes.allowed(pose(0, 0, -np.pi + 0.01), NEAR)[0, FORWARD]
 
 
 def test_new_episode_forgets() -> None:
-    reflexes = Reflexes(1)
+    reflexes = Reflexes(1, STEP_M)
     for _ in range(2):
         reflexes.update(pose(0, 0, 0), np.array([FORWARD]))
     assert not reflexes.allowed(pose(0, 0, 0), FAR)[0, FORWARD]
@@ -49,7 +61,7 @@ def test_new_episode_forgets() -> None:
 
 
 def test_agent_that_turns_to_and_fro_on_one_spot_may_not_turn_back_until_it_leaves() -> None:
-    reflexes, left, right = Reflexes(2), int(Action.TURN_LEFT), int(Action.TURN_RIGHT)
+    reflexes, left, right = Reflexes(2, STEP_M), int(Action.TURN_LEFT), int(Action.TURN_RIGHT)
 
     def step(x: float, actions: list[int]) -> list[list[int]]:
         poses = np.concatenate([pose(x, 0, 0), pose(9.0, 0, 0)])
@@ -69,7 +81,7 @@ def test_agent_that_turns_to_and_fro_on_one_spot_may_not_turn_back_until_it_leav
 
 def lost_agent(turn_step_deg: float = 10.0) -> Reflexes:
     """An agent that has turned on the spot at the origin for too long."""
-    reflexes = Reflexes(1, turn_step_rad=np.deg2rad(turn_step_deg))
+    reflexes = Reflexes(1, STEP_M, turn_step_rad=np.deg2rad(turn_step_deg))
     for _ in range(MAX_TURNS + 1):
         reflexes.update(pose(0, 0, 0), np.array([int(Action.TURN_LEFT)]))
     assert reflexes.lost.tolist() == [True]
@@ -103,6 +115,7 @@ def test_agent_with_wide_turns_walks_where_no_turn_brings_it_nearer() -> None:
 
 def test_lost_agent_near_its_goal_may_stop() -> None:
     assert STOP in lead(lost_agent(), 90.0, NEAR)
+    assert lead(lost_agent(), 90.0, THERE) == [STOP]
 
 
 def test_lost_agent_is_led_for_a_while_only() -> None:
@@ -115,7 +128,7 @@ def test_lost_agent_is_led_for_a_while_only() -> None:
 
 
 def test_new_goal_may_be_turned_to_either_way() -> None:
-    reflexes = Reflexes(1)
+    reflexes = Reflexes(1, STEP_M)
     for _ in range(MAX_TURNS + 1):
         reflexes.update(pose(0, 0, 0), np.array([int(Action.TURN_LEFT)]))
     assert not reflexes.allowed(pose(0, 0, 0), FAR)[0, int(Action.TURN_RIGHT)]
@@ -125,7 +138,7 @@ def test_new_goal_may_be_turned_to_either_way() -> None:
 
 def test_agents_that_are_kept_remember_what_they_did_themselves() -> None:
     """The first has walked into something, the second wanders, the third has turned for long."""
-    reflexes, left = Reflexes(3), int(Action.TURN_LEFT)
+    reflexes, left = Reflexes(3, STEP_M), int(Action.TURN_LEFT)
     for count in range(MAX_TURNS + 1):
         poses = np.concatenate([pose(0, 0, 0), pose(count, 0, 0), pose(9, 0, 0)])
         reflexes.update(poses, np.array([FORWARD, FORWARD, left]))

@@ -63,7 +63,8 @@ def play_driven(navigator: str, episode: NavigationEpisode, image_px: int) -> di
         image_px: Rows and columns of the depth image.
 
     Returns:
-        `RESULTS` of the episode, and `cpu_ms` per step, rendering included.
+        `RESULTS` of the episode, `cpu_ms` per step, rendering included, and `handovers`, how often the
+        navigator handed its goal over.
     """
     env = gymnasium.wrappers.TimeLimit(make_pointnav(episode, image_px), step_limit(episode.step_m))
     seat = PointGoalSeat(env)
@@ -79,4 +80,4 @@ def play_driven(navigator: str, episode: NavigationEpisode, image_px: int) -> di
         observation, _, terminated, truncated, info = seat.step(action)
         has_ended, is_first = terminated or truncated, False
     cpu_ms = 1000.0 * (time.process_time() - began_s) / max(info["step"], 1)
-    return {**{key: info[key] for key in RESULTS}, "cpu_ms": cpu_ms}
+    return {**{key: info[key] for key in RESULTS}, "cpu_ms": cpu_ms, "handovers": info["handovers_count"]}

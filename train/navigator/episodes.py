@@ -35,7 +35,6 @@ def play_learned(
     episodes: Sequence[NavigationEpisode],
     *,
     deterministic: bool,
-    has_reflexes: bool = True,
     num_agents: int = 16,
     seed: int = 0,
 ) -> list[dict[str, Any]]:
@@ -45,7 +44,6 @@ def play_learned(
         net: The network.
         episodes: What to play; those of a scene should be neighbours.
         deterministic: Take the likeliest action instead of drawing one.
-        has_reflexes: Leave out moves that cannot help; see `agents.reflexes`.
         num_agents: Episodes that are played side by side.
         seed: Seeds the draws.
 
@@ -62,7 +60,7 @@ def play_learned(
     envs = [make_pointnav(episodes[index], net.settings.image_px) for index in range(count)]
     lockstep = Lockstep(envs, step_limit(steps.pop()))
     policy = LearnedPolicy(net, count, seed, deterministic=deterministic)
-    table = _Table(lockstep, net, policy, has_reflexes=has_reflexes)
+    table = _Table(lockstep, net, policy)
     waiting = iter(enumerate(episodes))
     playing = [table.deal(agent, next(waiting)) for agent in range(count)]
     results: dict[int, dict[str, Any]] = {}
@@ -86,13 +84,11 @@ def play_learned(
 class _Table:
     """Agents that each play an episode."""
 
-    def __init__(
-        self, lockstep: Lockstep, net: NavigatorNet, policy: LearnedPolicy, *, has_reflexes: bool
-    ) -> None:
+    def __init__(self, lockstep: Lockstep, net: NavigatorNet, policy: LearnedPolicy) -> None:
         envs: Any = lockstep.envs
         self._lockstep, self._seats = lockstep, list(range(len(envs)))
         self._last: list[Transition | None] = [None] * len(envs)
-        self._policy, self._has_reflexes = policy, has_reflexes
+        self._policy = policy
         self._observer = NavigationObserver(
             len(envs),
             envs[0].camera,
@@ -125,8 +121,7 @@ class _Table:
             _stack(observations, key) for key in ("world_from_camera", "pointgoal_with_gps_compass")
         )
         shown = self._observer.observe(_stack(observations, "depth"), pose, goal)
-        allowed = self._observer.allowed(pose, goal) if self._has_reflexes else None
-        actions = self._policy.act(shown, allowed)
+        actions = self._policy.act(shown, self._observer.allowed(pose, goal))
         self._observer.note(actions)
         self._last = [*self._lockstep.step(self._seats, actions)]
         return [agent for agent in agents if self._transition(agent).has_ended]

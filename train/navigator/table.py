@@ -1,6 +1,7 @@
 """Navigators compared on point-goal episodes: `python -m train.navigator --evaluate`."""
 
 import json
+from collections import Counter
 from collections.abc import Container, Iterable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -8,24 +9,20 @@ from typing import Any, Final
 
 from tqdm import tqdm
 
-from agents.navigators import NAVIGATORS
-from agents.policy_file import load_policy
-from agents.weights_identity import WeightsIdentity, weights_digest
+from agents.learned_navigator import LearnedSettings
+from agents.navigators import LEARNED, NAVIGATORS
+from agents.policy_file import load_policy, policy_identity
 from anm_gym.metrics.intervals import mean_interval, wilson_interval
 from train.command import scene_label
 from train.navigator.driven import play_driven
 from train.navigator.episodes import NavigationEpisode, episodes_of, play_learned
 from train.pool import run_jobs
-from train.provenance import digest
+from train.provenance import digest, versions
 from train.results import append_row
 from train.tables.text import aligned
 
 IMAGE_PX: Final = 64
 """Rows and columns of everyone's depth image."""
-LEARNED: Final = {"ddppo": "ddppo-plus", "ddppo-plus": "ddppo-plus", "ddppo-star": "ddppo-star"}
-"""Navigators whose episodes are played many at a time, and their weights."""
-DRIVEN_BY: Final = {"ddppo+fallback": "ddppo-plus", "ddppo-paper": "ddppo-plus"}
-"""Navigators that are played one episode at a time although a network is in them, and its weights."""
 ALL: Final = "all"
 """Stands for all scenes together."""
 KEY: Final = ("navigator", "weights", "scene", "seed", "step_m", "draws")
@@ -101,7 +98,7 @@ def compare_navigators(comparison: NavigationComparison, json_path: Path | None 
             bar.update(len(job.episodes))
     wanted = [rows[key] for job in asked for key in _keys(job)]
     lines = [line for name in comparison.navigators for line in _lines(name, wanted)]
-    print("\n".join(_as_text(lines)))
+    print("\n".join([*_as_text(lines), *_other_code(wanted)]))
     if json_path is not None:
         json_path.parent.mkdir(parents=True, exist_ok=True)
         json_path.write_text(json.dumps(lines, indent=2) + "\n", encoding="utf-8")
@@ -114,8 +111,9 @@ def play(job: Job) -> list[Row]:
         results = play_learned(load_policy(weights), job.episodes, deterministic=job.deterministic)
     else:
         results = [play_driven(job.navigator, episode, IMAGE_PX) for episode in job.episodes]
+    commit = versions()["commit"]
     return [
-        {**dict(zip(KEY, key, strict=True)), **result}
+        {**dict(zip(KEY, key, strict=True)), **result, "commit": commit}
         for key, result in zip(_keys(job), results, strict=True)
     ]
 
@@ -138,7 +136,7 @@ def summarise(navigator: str, scene: str, rows: Sequence[Row]) -> Row:
     for key in ("spl", "soft_spl", "collisions"):
         interval = mean_interval([float(row[key]) for row in rows])
         line |= {key: interval.mean, f"{key}_half_width": interval.half_width if count > 1 else None}
-    return line
+    return line | {"handovers": sum(row.get("handovers", 0) for row in rows) / count}
 
 
 def _lines(navigator: str, rows: Iterable[Row]) -> list[Row]:
@@ -149,7 +147,18 @@ def _lines(navigator: str, rows: Iterable[Row]) -> list[Row]:
 
 
 def _as_text(lines: Sequence[Row]) -> list[str]:
-    header = ["navigator", "actions", "scene", "step m", "n", "success", "SPL", "soft SPL", "collisions"]
+    header = [
+        "navigator",
+        "actions",
+        "scene",
+        "step m",
+        "n",
+        "success",
+        "SPL",
+        "soft SPL",
+        "collisions",
+        "handovers",
+    ]
     body = [
         [
             Path(line["navigator"]).name,
@@ -159,6 +168,7 @@ def _as_text(lines: Sequence[Row]) -> list[str]:
             str(line["episodes"]),
             f"{line['success']:.3f} [{line['success_low']:.3f}, {line['success_high']:.3f}]",
             *(_estimate(line, key) for key in ("spl", "soft_spl", "collisions")),
+            f"{line['handovers']:.3f}",
         ]
         for line in lines
     ]
@@ -168,6 +178,15 @@ def _as_text(lines: Sequence[Row]) -> list[str]:
 def _estimate(line: Row, key: str) -> str:
     half_width = line[f"{key}_half_width"]
     return f"{line[key]:.3f}" + (f" ± {half_width:.3f}" if half_width is not None else "")
+
+
+def _other_code(rows: Iterable[Row]) -> list[str]:
+    """A warning if some rows were not played by the code at hand."""
+    present = versions()["commit"]
+    others = Counter(row.get("commit", "unknown") for row in rows)
+    others.pop(present, None)
+    played = ", ".join(f"{count} by {commit or 'unknown'}" for commit, count in sorted(others.items()))
+    return [f"not played by the code at hand ({present or 'unknown'}): {played}"] if others else []
 
 
 def _jobs(comparison: NavigationComparison) -> list[Job]:
@@ -199,16 +218,20 @@ def _keys(job: Job) -> list[tuple[Any, ...]]:
 
 def _weights_of(navigator: str) -> str | None:
     """The weights of a navigator whose episodes are played many at a time; None for the others."""
-    return LEARNED.get(navigator, None if navigator in NAVIGATORS else navigator)
+    if navigator not in NAVIGATORS:
+        return navigator
+    settings = LEARNED.get(navigator)
+    if settings is None or settings != LearnedSettings(settings.policy):
+        return None
+    return settings.policy
 
 
 def policy_digest(navigator: str) -> str:
     """What tells a navigator's network from an older one of the same name; empty if it has none."""
-    weights = _weights_of(navigator) or DRIVEN_BY.get(navigator)
-    if weights is None:
+    if navigator in NAVIGATORS and navigator not in LEARNED:
         return ""
-    net = load_policy(weights)
-    return digest(asdict(WeightsIdentity(net.settings.at_work(), weights_digest([net]))))
+    weights = LEARNED[navigator].policy if navigator in LEARNED else navigator
+    return digest(asdict(policy_identity(load_policy(weights))))
 
 
 def _key_of(row: Row) -> tuple[Any, ...]:

@@ -7,11 +7,20 @@ from pathlib import Path
 import pytest
 import torch
 
+from agents.learned_navigator import DDPPONavigator
 from agents.navigator_net import NavigatorNet, NavigatorNetSettings
+from agents.navigators import LEARNED, NAVIGATORS
 from agents.policy_file import save_policy
 from train.navigator.driven import play_driven
 from train.navigator.episodes import RESULTS, NavigationEpisode, episodes_of, play_learned
-from train.navigator.table import NavigationComparison, compare_navigators, policy_digest, summarise
+from train.navigator.table import (
+    Job,
+    NavigationComparison,
+    compare_navigators,
+    play,
+    policy_digest,
+    summarise,
+)
 
 SCENES = ["home:studio:1", "home:studio:2"]
 
@@ -93,6 +102,42 @@ def test_rows_of_other_weights_are_not_taken_for_new_ones(net: NavigatorNet, tmp
     assert policy_digest(str(path)) != before
     compare_navigators(comparison)
     assert len((tmp_path / "episodes.jsonl").read_text().splitlines()) == 2
+
+
+def test_rows_that_other_code_played_are_named(
+    net: NavigatorNet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    save_policy(net, path := tmp_path / "walker.safetensors")
+    comparison = NavigationComparison(
+        [str(path)], SCENES[:1], 2, 0.25, deterministic=True, workers=0, out=tmp_path
+    )
+    monkeypatch.setattr("train.navigator.table.versions", lambda: {"commit": "1234567"})
+    compare_navigators(replace(comparison, episodes=1))
+    assert "not played" not in capsys.readouterr().out
+    monkeypatch.setattr("train.navigator.table.versions", lambda: {"commit": "89abcde"})
+    compare_navigators(comparison)
+    assert "not played by the code at hand (89abcde): 1 by 1234567" in capsys.readouterr().out
+
+
+def test_handover_is_in_the_row_and_in_the_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A navigator that never comes nearer hands its goal to the planner, which arrives."""
+    eager = replace(LEARNED["ddppo+fallback"], patience_steps=0, progress_m=9.0)
+    monkeypatch.setitem(NAVIGATORS, "ddppo+fallback", lambda env, seed: DDPPONavigator(env, eager, seed))
+    comparison = NavigationComparison(
+        ["ddppo+fallback"], SCENES[:1], 1, 0.25, deterministic=False, workers=0, out=tmp_path
+    )
+    (line,) = compare_navigators(comparison)
+    row = json.loads((tmp_path / "episodes.jsonl").read_text())
+    assert (row["handovers"], row["is_success"], line["handovers"]) == (1, True, 1.0)
+
+
+@pytest.mark.parametrize("name", ["ddppo", "ddppo-plus", "ddppo-star"])
+def test_plain_learned_navigators_are_played_many_at_a_time(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("train.navigator.table.play_driven", None)
+    job = Job(name, deterministic=False, episodes=(NavigationEpisode(SCENES[0], 0, 0.25),))
+    assert play(job)[0]["draws"] == "sampled"
 
 
 def test_missing_episodes_alone_are_played(net: NavigatorNet, tmp_path: Path) -> None:
