@@ -12,7 +12,7 @@ from anm_gym.checks import check_at_least, check_choices
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.map.reach import ReachableSpace, ReachSettings, reachable_space
 from anm_gym.map.unseen_volume import UnseenByCell, UnseenSettings, unseen_by_cell, unseen_volume
-from anm_gym.map.views import TakenViews, View, ViewSettings, rank_views, view_costs
+from anm_gym.map.views import TakenViews, View, ViewSettings, rank_views, sector_of, view_costs
 from anm_gym.map.volume import ObservedVolume
 from anm_gym.wrappers.goal import Goal, GoalLimits, GoalWrapper
 
@@ -149,17 +149,21 @@ class NbvGoalWrapper(GoalWrapper):
 
     def _propose_goal(self) -> Goal | None:
         self._view = None
-        return self._plan()
+        return self._plan(None)
 
     def _review_goal(self, goal: Goal) -> Goal | None:
-        if goal.reason != REASON:
-            return self._plan() or goal
-        before = self._view
-        planned = self._plan()
-        return goal if self._view is before else planned
+        planned = self._plan(goal)
+        return planned if goal.reason == REASON else planned or goal
 
-    def _plan(self) -> Goal | None:
-        """Choose among drawn places, the agent's own and, first, that of the view under way."""
+    def _plan(self, under_way: Goal | None) -> Goal | None:
+        """Choose among drawn places, the agent's own and, first, that of the last view that was chosen.
+
+        Args:
+            under_way: The goal to keep while that view still serves; None before it has been chosen.
+
+        Returns:
+            The goal under way, or that of a better view; None if no view is worth a way.
+        """
         settings, current = self.settings, self._view
         space = reachable_space(self.occupancy, self.position_xz, settings.reach)
         positions, lengths_m = self._places(space, current)
@@ -170,9 +174,9 @@ class NbvGoalWrapper(GoalWrapper):
             self._view = None
             return None
         if current is not None:
-            sector = round(current.heading_rad * gains.shape[1] / (2.0 * np.pi)) % gains.shape[1]
+            sector = sector_of(current.heading_rad, gains.shape[1])
             if utilities[0, sector] >= settings.keep_share * utilities.max():
-                return None
+                return under_way
         self._view = best
         return Goal(best.position_xz, best.heading_rad, REASON)
 

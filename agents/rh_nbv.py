@@ -14,7 +14,7 @@ from anm_gym.checks import check_at_least
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.map.reach import ReachableSpace, ReachSettings, reachable_space
 from anm_gym.map.unseen_volume import UnseenSettings
-from anm_gym.map.views import TakenViews
+from anm_gym.map.views import TakenViews, sector_of
 from anm_gym.sim.grid_planning import RrtSettings
 from anm_gym.wrappers.goal import Goal, GoalLimits, GoalWrapper
 
@@ -164,7 +164,5 @@ class RhNbvGoalWrapper(GoalWrapper):
         if not self._looks:
             return 0.0
         gains = self._views.gains(np.array([place for place, _ in self._looks]))
-        sectors = [
-            round(heading * gains.shape[1] / (2.0 * np.pi)) % gains.shape[1] for _, heading in self._looks
-        ]
+        sectors = [sector_of(heading, gains.shape[1]) for _, heading in self._looks]
         return float(gains[np.arange(len(gains)), sectors].sum())

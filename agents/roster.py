@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pkgutil import resolve_name
 from typing import Any, Final
 
 import gymnasium
@@ -17,6 +18,7 @@ from agents.variants import (
 )
 
 Env = gymnasium.Env[Any, Any]
+Builder = Callable[[Env, str, int], tuple[Env, Any]]
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,7 @@ class AgentSpec:
 
     presets: tuple[str, ...]
     """Its presets, the default one first."""
-    build: Callable[[Env, str, int], tuple[Env, Any]]
+    build: Builder
     """Maps a bare exploration environment, a preset and a seed to the wrapped one and a policy."""
     variants: tuple[str, ...] = ()
     """Substitutions that may follow a preset, each behind a "+"."""
@@ -89,6 +91,21 @@ def build_agent(text: str, env: Env, seed: int = 0) -> Agent:
     return Agent(name, preset, wrapped, policy)
 
 
+def _goals_of(wrapper: str, **options: Any) -> Builder:
+    """Let a goal wrapper that needs no map below it propose, and the planner drive.
+
+    Args:
+        wrapper: ``module:class``; imported when an agent is built.
+        options: Its arguments besides the environment, the preset and the seed.
+    """
+
+    def build(env: Env, preset: str, seed: int) -> tuple[Env, Any]:
+        wrapped = resolve_name(wrapper)(env, preset=preset, seed=seed, **options)
+        return wrapped, make_navigator("planner", wrapped, seed)
+
+    return build
+
+
 def _random(env: Env, preset: str, seed: int) -> tuple[Env, Any]:
     return env, SpinAndWalkPolicy(seed) if preset == "spin" else RandomPolicy(seed, preset)
 
@@ -110,13 +127,6 @@ def _fbe(env: Env, preset: str, seed: int) -> tuple[Env, Any]:
     return wrapped, make_navigator("planner", wrapped, seed)
 
 
-def _upen(env: Env, preset: str, seed: int) -> tuple[Env, Any]:
-    from agents.upen import UpenGoalWrapper
-
-    wrapped = UpenGoalWrapper(env, preset=preset, seed=seed)
-    return wrapped, make_navigator("planner", wrapped, seed)
-
-
 def _anm(env: Env, preset: str, seed: int) -> tuple[Env, Any]:
     from anm_gym.map.targets import PAPER_TARGETS
     from anm_gym.wrappers.neural_map import NeuralMapWrapper
@@ -128,35 +138,6 @@ def _anm(env: Env, preset: str, seed: int) -> tuple[Env, Any]:
         targets = replace(CLUSTER_PRESETS.get(parts.base, PAPER_TARGETS), criterion=parts.select)
     mapped = NeuralMapWrapper(env, preset=parts.map_preset, seed=seed)
     wrapped = VariabilityGoalWrapper(mapped, preset=parts.map_preset, seed=seed, targets=targets)
-    return wrapped, make_navigator("planner", wrapped, seed)
-
-
-def _nbv(env: Env, preset: str, seed: int) -> tuple[Env, Any]:
-    from agents.nbv import NbvGoalWrapper
-
-    wrapped = NbvGoalWrapper(env, preset=preset, seed=seed)
-    return wrapped, make_navigator("planner", wrapped, seed)
-
-
-def _rh_nbv(env: Env, preset: str, seed: int) -> tuple[Env, Any]:
-    from agents.rh_nbv import RhNbvGoalWrapper
-
-    wrapped = RhNbvGoalWrapper(env, preset=preset, seed=seed)
-    return wrapped, make_navigator("planner", wrapped, seed)
-
-
-def _occant(env: Env, preset: str, seed: int) -> tuple[Env, Any]:
-    return _with_global_policy(env, preset, seed, anticipation=True)
-
-
-def _ans(env: Env, preset: str, seed: int) -> tuple[Env, Any]:
-    return _with_global_policy(env, preset, seed, anticipation=False)
-
-
-def _with_global_policy(env: Env, preset: str, seed: int, *, anticipation: bool) -> tuple[Env, Any]:
-    from agents.occant import OccAntGoalWrapper
-
-    wrapped = OccAntGoalWrapper(env, preset=preset, seed=seed, anticipation=anticipation)
     return wrapped, make_navigator("planner", wrapped, seed)
 
 
@@ -189,11 +170,21 @@ ROSTER: Final = {
     "bump_and_turn": AgentSpec(("default",), _bump_and_turn),
     "random_vertex": AgentSpec(("uniform",), _random_vertex, NAVIGATOR_VARIANTS),
     "fbe": AgentSpec(("strong", "paper", "upen-repo"), _fbe, NAVIGATOR_VARIANTS),
-    "nbv": AgentSpec(("strong", "exponential"), _nbv, NAVIGATOR_VARIANTS),
-    "rh_nbv": AgentSpec(("strong", "paper"), _rh_nbv, NAVIGATOR_VARIANTS),
-    "upen": AgentSpec(("strong", "paper", "repo", "metres"), _upen, NAVIGATOR_VARIANTS),
-    "occant": AgentSpec(("metres", "steps"), _occant, NAVIGATOR_VARIANTS),
-    "ans": AgentSpec(("metres", "steps"), _ans, NAVIGATOR_VARIANTS),
+    "nbv": AgentSpec(("strong", "exponential"), _goals_of("agents.nbv:NbvGoalWrapper"), NAVIGATOR_VARIANTS),
+    "rh_nbv": AgentSpec(("strong", "paper"), _goals_of("agents.rh_nbv:RhNbvGoalWrapper"), NAVIGATOR_VARIANTS),
+    "upen": AgentSpec(
+        ("strong", "paper", "repo", "metres"), _goals_of("agents.upen:UpenGoalWrapper"), NAVIGATOR_VARIANTS
+    ),
+    "occant": AgentSpec(
+        ("metres", "steps"),
+        _goals_of("agents.occant:OccAntGoalWrapper", anticipation=True),
+        NAVIGATOR_VARIANTS,
+    ),
+    "ans": AgentSpec(
+        ("metres", "steps"),
+        _goals_of("agents.occant:OccAntGoalWrapper", anticipation=False),
+        NAVIGATOR_VARIANTS,
+    ),
     "anm": AgentSpec(
         ("best", "fast", "paper", "released"), _anm, (*MAP_VARIANTS, *SELECT_VARIANTS, *NAVIGATOR_VARIANTS)
     ),

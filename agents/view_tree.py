@@ -9,6 +9,7 @@ from anm_gym.actions import FORWARD_STEP_M, TURN_STEP_DEG
 from anm_gym.geometry import heading_towards, wrap_angle
 from anm_gym.map.reach import ReachableSpace
 from anm_gym.map.unseen_volume import UnseenByCell
+from anm_gym.map.views import sector_of
 from anm_gym.sim.grid_planning import PathTree, RrtSettings, grow_tree, line_is_free
 
 
@@ -141,8 +142,8 @@ def best_looks(
     for node in tree.by_depth().tolist():
         headings = np.arange(num_headings)
         if settings.every_node:
-            ahead = round(heading_rad * num_headings / (2.0 * np.pi)) % num_headings
-            headings = rng.integers(num_headings, size=1) if node else np.array([ahead])
+            ahead = np.array([sector_of(heading_rad, num_headings)])
+            headings = rng.integers(num_headings, size=1) if node else ahead
         way = tree.way_to(node)
         options = [(start, way)] + [(looks[past], way[place:]) for place, past in enumerate(way[:-1])]
         if settings.every_node:

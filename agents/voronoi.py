@@ -13,7 +13,7 @@ from anm_gym.geometry import wrap_angle
 from anm_gym.map.neural_map import NeuralMap
 from anm_gym.map.variable_surface import VariableSurface
 from anm_gym.map.view_planner import PlannerSettings, ViewPlanner
-from anm_gym.map.views import expected_visibility, gains_by_heading, rank_views, view_costs
+from anm_gym.map.views import expected_visibility, gains_by_heading, rank_views, sector_of, view_costs
 from anm_gym.map.voronoi_graph import VoronoiGraph, VoronoiSettings, voronoi_graph
 from anm_gym.sim.grid_planning import line_is_free
 from anm_gym.wrappers.goal import Goal, GoalLimits, GoalWrapper
@@ -191,7 +191,7 @@ class VoronoiGoalWrapper(GoalWrapper):
         if best.gain <= 0.0:
             return None
         if current is not None and current.heading_rad is not None:
-            sector = round(current.heading_rad * utilities.shape[1] / (2.0 * np.pi)) % utilities.shape[1]
+            sector = sector_of(current.heading_rad, utilities.shape[1])
             if utilities[0, sector] >= planning.keep_share * best.utility:
                 return current
         return Goal(best.position_xz, best.heading_rad, REASON)

@@ -99,19 +99,20 @@ class Protocol:
             root: Folder of the datasets; None for $ANM_SCENES.
 
         Raises:
-            SceneError: If one is missing; the message names them all and where they were looked for.
+            SceneError: If one is missing; the message names them all and where they were looked for, each
+                reason once.
         """
-        errors = []
+        missing: dict[str, list[str]] = {}
         for scene in self.scenes:
             try:
                 if is_dataset_scene(scene.name):
                     find_scene(scene.name, root)
             except SceneError as error:
-                errors.append(str(error))
-        if errors:
-            raise SceneError(
-                f"{self.name} lacks {len(errors)} of {len(self.scenes)} scenes: " + "; ".join(errors)
-            )
+                missing.setdefault(str(error), []).append(scene.label)
+        if missing:
+            count = sum(map(len, missing.values()))
+            reasons = "; ".join(f"{', '.join(labels)}: {reason}" for reason, labels in missing.items())
+            raise SceneError(f"{self.name} lacks {count} of {len(self.scenes)} scenes: {reasons}")
 
 
 def make_protocol(name: str, root: str | Path | None = None) -> Protocol:

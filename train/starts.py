@@ -167,10 +167,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     protocol.require_scenes()
     out = Path(options.out) if options.out else published_file(protocol)
     seeds = parse_seeds(options.seeds)
+    kept = {} if options.anew else read_starts(out)
     drawn = {}
     for scene in tqdm(protocol.scenes, unit="scene"):
         drawn[scene.label] = draw_starts(scene, seeds, options.env)
-    table = drawn if options.anew else merged([drawn, read_starts(out)])
+    table = merged([drawn, kept])
     write_starts(out, protocol.base, table)
     for scene in protocol.scenes:
         print(f"{scene.label}: {scene.steps} steps, {len(table[scene.label].by_seed)} starts")

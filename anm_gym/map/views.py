@@ -236,5 +236,15 @@ def rank_views(
     return best, utilities
 
 
+def sector_of(heading_rad: float, num_headings: int) -> int:
+    """Find the heading of a ranking that is nearest to one in radians; heading h is ``2 pi h / H``.
+
+    Example:
+        >>> sector_of(-np.pi / 2.0, 36)
+        27
+    """
+    return round(heading_rad * num_headings / (2.0 * np.pi)) % num_headings
+
+
 def _wrap(angle_rad: NDArray[np.float64]) -> NDArray[np.float64]:
     return (angle_rad + np.pi) % (2.0 * np.pi) - np.pi

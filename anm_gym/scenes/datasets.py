@@ -149,8 +149,10 @@ def _place_of(name: str, root: str | Path | None) -> tuple[Dataset, list[Path], 
 def _root_of(name: str, root: str | Path | None) -> Path:
     given = root if root is not None else os.environ.get(ROOT_VARIABLE)
     if not given:
+        title = DATASETS[name.partition(":")[0]].title
         raise SceneError(
-            f"the folder of datasets must be known to find {name!r}, got none; set ${ROOT_VARIABLE} or `root`"
+            f"the folder of datasets must be known to find scenes of {title}, got none; "
+            f"set ${ROOT_VARIABLE} or `root`"
         )
     if not Path(given).is_dir():
         raise SceneError(f"`root` must be a folder of datasets, got {given}; set ${ROOT_VARIABLE} or `root`")

@@ -52,6 +52,16 @@ def test_view_under_way_is_kept(explore: Explore, two_rooms: TriangleMesh) -> No
     assert env.goal is chosen
 
 
+def test_view_under_way_is_dropped_once_no_view_shows_anything(
+    explore: Explore, two_rooms: TriangleMesh, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    env = NbvGoalWrapper(explore(two_rooms, start=IN_THE_LEFT_ROOM))
+    env.reset(seed=0)
+    assert env.goal.reason == "view"
+    monkeypatch.setattr(env._views, "gains", lambda positions_xz: np.zeros((len(positions_xz), 36)))
+    assert env._review_goal(env.goal) is None
+
+
 def test_places_that_failed_are_left_out(explore: Explore, two_rooms: TriangleMesh) -> None:
     env = NbvGoalWrapper(explore(two_rooms, start=IN_THE_LEFT_ROOM))
     env.reset(seed=0)
@@ -73,6 +83,7 @@ def test_views_that_show_too_little_are_not_proposed(
     turn_round(env)
     env.report_unreachable("a new choice")
     assert env.goal.reason == "wander"
+    assert env._review_goal(env.goal) is env.goal
 
 
 def test_discount_by_length_prefers_what_is_near(explore: Explore, two_rooms: TriangleMesh) -> None:

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from agents.navigators import make_navigator
 from agents.rh_nbv import PRESETS, RhNbvGoalWrapper
 from anm_gym.actions import Action
 from anm_gym.envs.explore import ExploreEnv
@@ -63,17 +62,57 @@ def test_branch_that_shows_less_than_promised_is_given_up(explore: Explore, two_
     assert len(env.goals) > before
 
 
+def grow_hardly(env: RhNbvGoalWrapper) -> list[NDArray[np.float64]]:
+    """Let trees be little more than the branch that they go on from; give that branch."""
+    env.settings = replace(env.settings, tree=replace(env.settings.tree, iterations=1), max_iterations=1)
+    return env._branch
+
+
+def gap_m(goal: Goal | None, branch: list[NDArray[np.float64]]) -> float:
+    """How far a goal is from the nearest place of a branch, metres."""
+    assert goal is not None
+    return float(np.linalg.norm(np.stack(branch) - goal.position_xz, axis=1).min())
+
+
 def test_tree_goes_on_from_the_branch_that_was_chosen(turned: RhNbvGoalWrapper) -> None:
-    navigator = make_navigator("planner", turned)
-    first = turned.goal
-    observation, *_ = turned.step(np.int64(Action.TURN_LEFT))
-    for _ in range(60):
-        if turned.goal is not first:
-            break
-        action, _ = navigator.predict(observation)
-        observation, *_ = turned.step(np.int64(action))
-    assert turned.goal is not first
-    assert np.linalg.norm(turned.goal.position_xz - first.position_xz) < 3.0
+    branch = grow_hardly(turned)
+    goal = turned._propose_goal()
+    assert goal is not None
+    assert goal.reason == "view"
+    assert gap_m(goal, branch) < 1e-6
+    assert gap_m(goal, turned._branch) < 1e-6
+
+
+def test_branch_on_which_a_goal_failed_is_forgotten(turned: RhNbvGoalWrapper) -> None:
+    branch = grow_hardly(turned)
+    turned.report_unreachable("no way")
+    assert gap_m(turned.goal, branch) > 0.1
+
+
+def test_tree_grows_until_a_look_shows_something(
+    turned: RhNbvGoalWrapper, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    turned.settings = replace(
+        turned.settings, tree=replace(turned.settings.tree, iterations=10), max_iterations=80
+    )
+    sizes: list[int] = []
+    least = 30
+
+    def shown_by_large_trees(positions_xz: NDArray[np.float64]) -> UnseenByCell:
+        sizes.append(len(positions_xz))
+        share = np.full((len(positions_xz), 36, 1), float(len(positions_xz) >= least), np.float32)
+        return UnseenByCell(np.array([5.0]), share, share.copy())
+
+    monkeypatch.setattr(turned._views, "by_cell", shown_by_large_trees)
+    turned.report_unreachable("again")
+    assert turned.goal.reason == "view"
+    assert len(sizes) == 3
+    assert sizes[0] < sizes[1] < least <= sizes[2]
+    sizes.clear()
+    least = 1000
+    turned.report_unreachable("again")
+    assert turned.goal.reason == "wander"
+    assert len(sizes) == 4
 
 
 def test_look_that_is_being_taken_is_not_a_goal(explore: Explore, two_rooms: TriangleMesh) -> None:

@@ -136,7 +136,9 @@ def test_unknown_score_lists_the_choices() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"members": 0}, "`members` must be >= 1, got 0"),
+        ({"net": "foo"}, "`net` must be one of plain, residual, got 'foo'"),
+        ({"width": 0}, "`width` and `members` must be >= 1, got 0 and 4"),
+        ({"members": 0}, "`width` and `members` must be >= 1, got 12 and 0"),
         ({"cell_m": 0.0}, r"`cell_m` and `crop_cells` must be > 0, got 0\.0 and 80"),
     ],
 )

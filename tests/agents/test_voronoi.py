@@ -4,11 +4,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agents.voronoi import PRESETS, VoronoiGoalWrapper
+from agents.voronoi import PRESETS, VoronoiGoalWrapper, _Views
 from anm_gym.actions import Action
 from anm_gym.envs.explore import ExploreEnv
 from anm_gym.map.presets import map_settings
 from anm_gym.mesh import TriangleMesh
+from anm_gym.wrappers.goal import Goal
 from anm_gym.wrappers.neural_map import NeuralMapWrapper
 
 Explore = Callable[..., ExploreEnv]
@@ -66,9 +67,10 @@ def test_each_point_is_anchored_once(explore: Explore, two_rooms: TriangleMesh) 
 def test_vertices_that_failed_are_left_out(explore: Explore, two_rooms: TriangleMesh) -> None:
     env = turned(explore, two_rooms)
     failed = env.goal.position_xz
+    assert env.goal.reason == "vertex"
     env.report_unreachable("no way")
-    if env.goal.reason == "vertex":
-        assert np.linalg.norm(env.goal.position_xz - failed) > 0.4
+    assert env.goal.reason == "vertex"
+    assert np.linalg.norm(env.goal.position_xz - failed) > env.settings.planning.failure_radius_m
 
 
 def test_classes_prefer_places_not_visited(explore: Explore, two_rooms: TriangleMesh) -> None:
@@ -78,6 +80,55 @@ def test_classes_prefer_places_not_visited(explore: Explore, two_rooms: Triangle
     gaps = np.linalg.norm(np.stack(env._trail_xz) - env.goal.position_xz, axis=1)
     assert env.goal.heading_rad is None
     assert gaps.min() > env.settings.visited_m
+
+
+@pytest.fixture
+def by_classes(explore: Explore, two_rooms: TriangleMesh) -> VoronoiGoalWrapper:
+    """An agent at (-3, 0) that chooses by classes."""
+    env = explore(two_rooms, start=IN_THE_LEFT_ROOM)
+    wrapped = VoronoiGoalWrapper(NeuralMapWrapper(env, settings=SMALL), preset="scale")
+    wrapped.reset(seed=0)
+    return wrapped
+
+
+def preferred(env: VoronoiGoalWrapper, *vertices: tuple[float, float, float, float]) -> int:
+    """Which vertex comes first, of (x, z, length of the way, gain); nothing is left to look at here."""
+    x, z, lengths_m, gains = np.array([*vertices, (*env.position_xz, 0.0, 0.0)]).T
+    positions = np.stack([x, z], axis=1)
+    goal = env._first_by_class(_Views(positions, lengths_m, gains[:, None] * np.ones(36)))
+    assert goal is not None
+    return int(np.linalg.norm(positions - goal.position_xz, axis=1).argmin())
+
+
+def test_nearest_of_a_class_comes_first(by_classes: VoronoiGoalWrapper) -> None:
+    assert preferred(by_classes, (-3.0, 1.5, 3.0, 0.0), (-3.0, -1.5, 2.0, 0.0)) == 1
+
+
+def test_classes_prefer_what_is_away_from_the_trail(by_classes: VoronoiGoalWrapper) -> None:
+    assert preferred(by_classes, (-3.0, 1.0, 2.0, 0.0), (-3.0, 0.95, 1.0, 0.0)) == 0
+
+
+def test_classes_prefer_the_local_horizon(by_classes: VoronoiGoalWrapper) -> None:
+    assert preferred(by_classes, (-3.0, 1.5, 4.0, 0.0), (0.5, 0.0, 3.5, 0.0)) == 0
+    by_classes.settings = replace(by_classes.settings, horizon_m=4.0)
+    assert preferred(by_classes, (-3.0, 1.5, 4.0, 0.0), (0.5, 0.0, 3.5, 0.0)) == 1
+
+
+def test_classes_prefer_what_shows_something(by_classes: VoronoiGoalWrapper) -> None:
+    assert preferred(by_classes, (-3.0, 1.5, 3.0, 1.0), (-3.0, -1.5, 2.0, 0.0)) == 0
+
+
+def test_classes_put_failures_behind_what_is_seen_from_afar(by_classes: VoronoiGoalWrapper) -> None:
+    vertices = (-3.0, 1.5, 2.0, 1.0), (0.5, 0.0, 3.5, 0.0)
+    assert preferred(by_classes, *vertices) == 0
+    by_classes.failures.append(Goal(np.array([-3.0, 1.5]), None, "no way"))
+    assert preferred(by_classes, *vertices) == 1
+
+
+def test_classes_put_long_ways_last(by_classes: VoronoiGoalWrapper) -> None:
+    by_classes.failures.append(Goal(np.array([0.5, 0.0]), None, "no way"))
+    assert preferred(by_classes, (-3.0, 1.5, 12.9, 1.0), (0.5, 0.0, 3.5, 0.0)) == 0
+    assert preferred(by_classes, (-3.0, 1.5, 13.1, 1.0), (0.5, 0.0, 3.5, 0.0)) == 1
 
 
 def test_goal_under_way_is_kept_while_it_serves(explore: Explore, two_rooms: TriangleMesh) -> None:

@@ -152,7 +152,7 @@ def test_missing_scene_says_where_it_was_looked_for(name: str, message: str, roo
 def test_unknown_root_is_asked_for(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.delenv(ROOT_VARIABLE, raising=False)
     with pytest.raises(
-        SceneError, match=r"must be known to find 'gibson:Denmark', got none; set \$ANM_SCENES"
+        SceneError, match=r"must be known to find scenes of Gibson, got none; set \$ANM_SCENES"
     ):
         make_scene("gibson:Denmark")
     with pytest.raises(SceneError, match=r"`root` must be a folder of datasets, got .*absent"):

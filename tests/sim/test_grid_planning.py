@@ -1,14 +1,18 @@
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 
+from anm_gym.sim import grid_planning
 from anm_gym.sim.geodesic import GridGraph
 from anm_gym.sim.grid_planning import (
     PathTree,
     RrtSettings,
+    _steps_from,
+    astar_path,
     grow_tree,
     line_is_free,
     marching_distance,
-    windowed_path,
 )
 
 QUICK = RrtSettings(iterations=400)
@@ -22,26 +26,51 @@ def walled() -> np.ndarray:
     return free
 
 
-def test_windowed_path_is_the_shortest(walled: np.ndarray) -> None:
-    found = windowed_path(walled, 0.1, (10, 50), (50, 50), margin_m=1.0)
-    assert found is not None
-    whole = GridGraph(walled, 0.1).path((10, 50), (50, 50))
-    assert whole is not None
-    length = np.linalg.norm(np.diff(found, axis=0), axis=1).sum()
-    assert length == pytest.approx(np.linalg.norm(np.diff(whole, axis=0), axis=1).sum())
+def test_path_by_astar_is_as_short_as_the_graph_s(rng: np.random.Generator) -> None:
+    for _ in range(8):
+        free = rng.random((25, 30)) > 0.35
+        free[2, 3] = True
+        distance = GridGraph(free, 1.0).distance_from([(2, 3)])
+        for goal in rng.integers((25, 30), size=(6, 2)):
+            path = astar_path(free, (2, 3), goal)
+            assert (path is None) == np.isinf(distance[tuple(goal)])
+            if path is not None:
+                assert path[0].tolist() == [2, 3]
+                assert path[-1].tolist() == goal.tolist()
+                assert free[path[:, 0], path[:, 1]].all()
+                length = np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
+                assert length == pytest.approx(distance[tuple(goal)])
 
 
-def test_path_that_leaves_the_window_is_found_too(walled: np.ndarray) -> None:
-    found = windowed_path(walled, 0.1, (25, 5), (35, 5), margin_m=0.5)
-    assert found is not None
-    assert found[:, 1].max() >= 55
+def test_path_by_astar_cuts_no_corner() -> None:
+    free = np.ones((2, 2), bool)
+    assert astar_path(free, (0, 0), (1, 1)).tolist() == [[0, 0], [1, 1]]
+    free[0, 1] = False
+    assert astar_path(free, (0, 0), (1, 1)).tolist() == [[0, 0], [1, 0], [1, 1]]
+    free[1, 0] = False
+    assert astar_path(free, (0, 0), (1, 1)) is None
 
 
-def test_no_path_is_none(walled: np.ndarray) -> None:
+def test_astar_looks_towards_the_goal_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    looked_at = []
+
+    def counted(free: np.ndarray, cell: tuple[int, int]) -> Iterator[tuple[tuple[int, int], float]]:
+        looked_at.append(cell)
+        return _steps_from(free, cell)
+
+    monkeypatch.setattr(grid_planning, "_steps_from", counted)
+    path = astar_path(np.ones((60, 60), bool), (30, 30), (30, 50))
+    assert path is not None
+    assert len(path) == 21
+    assert len(looked_at) == 20
+
+
+def test_astar_finds_no_path_through_a_wall_or_outside(walled: np.ndarray) -> None:
+    assert astar_path(walled, (10, 10), (90, 10)) is None
+    assert astar_path(walled, (-1, 10), (10, 10)) is None
+    assert astar_path(walled, (30, 10), (10, 10)) is None
     walled[30] = False
-    assert windowed_path(walled, 0.1, (10, 10), (50, 10), margin_m=1.0) is None
-    assert windowed_path(walled, 0.1, (10, 10), (50, 10), margin_m=99.0) is None
-    assert windowed_path(walled, 0.1, (10, 10), (90, 10), margin_m=1.0) is None
+    assert astar_path(walled, (10, 10), (50, 10)) is None
 
 
 def test_marching_distance_is_nearly_straight_in_the_open() -> None:

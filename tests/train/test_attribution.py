@@ -69,6 +69,11 @@ def test_walk_along_a_wall_is_not_stuck():
     assert not stuck_steps(walk(straight(60), contacts=range(0, 60, 2)), SETTINGS).any()
 
 
+def test_two_contacts_in_a_stretch_do_not_make_an_agent_stuck():
+    assert not stuck_steps(walk(np.zeros(21), contacts=(3, 9)), SETTINGS).any()
+    assert stuck_steps(walk(np.zeros(21), contacts=(3, 9, 15)), SETTINGS).all()
+
+
 def test_short_episode_is_not_stuck():
     assert not stuck_steps(walk(np.zeros(10), contacts=range(9)), SETTINGS).any()
 
@@ -137,6 +142,13 @@ def test_reached_goal_that_showed_nothing_was_phantom():
     np.testing.assert_array_equal(found.fates.is_fruitless, [False, True])
     assert found.shares_pct["phantom_pct"] == 50.0
     assert found.main_cause == "phantom surface"
+
+
+def test_goal_counts_as_reached_within_the_slack_of_its_arrival():
+    end_m = 20 * STEP_M
+    for left_m, is_reached in ((0.19, True), (0.29, True), (0.31, False)):
+        fates = goal_fates(walk(straight(20), goals=[(end_m + left_m, 0.0, 0)]), 0.2, SETTINGS)
+        assert fates.is_reached.tolist() == [is_reached]
 
 
 def test_goal_that_promised_nothing_is_no_phantom():

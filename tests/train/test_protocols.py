@@ -99,6 +99,14 @@ def test_missing_scenes_are_all_named_before_anything_runs(tmp_path):
     make_protocol("open-homes").require_scenes()
 
 
+def test_scenes_that_are_missing_for_one_reason_share_it(monkeypatch):
+    monkeypatch.delenv(ROOT_VARIABLE, raising=False)
+    with pytest.raises(SceneError) as missing:
+        make_protocol("anm-gibson").require_scenes()
+    assert str(missing.value).startswith("anm-gibson lacks 9 of 9 scenes: gibson:Denmark, gibson:Elmira, ")
+    assert str(missing.value).count("the folder of datasets must be known to find scenes of Gibson") == 1
+
+
 def test_starts_are_those_that_a_reset_draws(room):
     (scene,) = room.scenes
     drawn = draw_starts(scene, [3])
@@ -173,6 +181,17 @@ def test_command_writes_the_starts_of_the_paper_scenes_where_they_are(
     kept = second["scenes"]["mp3d:HxpKQynjfin"]["starts"]
     assert len(kept) == 3
     assert kept.items() >= first["scenes"]["mp3d:HxpKQynjfin"]["starts"].items()
+
+
+def test_command_refuses_a_file_that_is_none_of_starts_before_it_draws(tmp_path, room_file, monkeypatch):
+    def never(*_arguments):
+        pytest.fail("starts were drawn")
+
+    monkeypatch.setattr("train.starts.draw_starts", never)
+    out = tmp_path / "starts.json"
+    out.write_text("{")
+    with pytest.raises(ValueError, match="must be a file of starts of format 1"):
+        main(["open-scenes", "--root", str(room_file.parent), "--seeds", "2", "--out", str(out)])
 
 
 def test_episode_begins_at_its_start_and_replays_from_there(tmp_path, room):

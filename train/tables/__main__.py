@@ -21,7 +21,7 @@ from train.report import write_report
 from train.results import Row, write_json
 from train.tables.measures import agent_name
 from train.tables.result import format_result, make_result, result_as_json
-from train.tables.rosters import TABLES, split_known
+from train.tables.rosters import TABLES
 from train.tables.run import QUICK_OPTIONS, QUICK_SEEDS, QUICK_STEPS, TableRun, play_table
 
 DEFAULT_SEEDS: Final = 5
@@ -32,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command."""
     played = play_command(arguments)
     options, run = played.options, played.run
-    result = make_result(options.table, options.preset, run, played.rows, played.missing, played.reference)
+    result = make_result(options.table, options.preset, run, played.rows, played.reference)
     print(format_result(result))
     for path in (run.out / f"{options.table}.json", options.json):
         if path is not None:
@@ -52,31 +52,30 @@ class Played:
     """What was to be played."""
     rows: Sequence[Row]
     """Its rows."""
-    missing: Sequence[str]
-    """Agents that the roster does not know."""
     reference: str
     """Whom to compare with."""
 
 
 def play_command(arguments: Sequence[str] | None = None) -> Played:
-    """Play what a command line asks for and has no row yet."""
+    """Play what a command line asks for and has no row yet.
+
+    Raises:
+        ValueError: If an agent, its preset or a variant is unknown; nothing is played then.
+    """
     options = _parser().parse_args(arguments)
     spec = TABLES[options.table]
-    wanted = split_list(options.agents) if options.agents else spec.agents(options.preset)
-    known, missing = split_known(wanted)
     if options.preset not in ROSTER["anm"].presets:
         choices = ", ".join(ROSTER["anm"].presets)
         raise ValueError(f"`preset` must be one of anm's, {choices}, got {options.preset!r}")
-    if not known:
-        raise ValueError(f"unknown agent {', '.join(missing)}; choose among: {', '.join(sorted(ROSTER))}")
-    run = _run_of(options, known)
+    agents = split_list(options.agents) if options.agents else spec.agents(options.preset)
+    run = _run_of(options, agents)
     reference = spec.reference.format(preset=options.preset)
     if options.reference:
         reference = agent_name(*split_agent(options.reference))
-        if reference not in {agent_name(*split_agent(agent)) for agent in known}:
-            raise ValueError(f"`reference` must be one of {', '.join(known)}, got {options.reference!r}")
+        if reference not in {agent_name(*split_agent(agent)) for agent in agents}:
+            raise ValueError(f"`reference` must be one of {', '.join(agents)}, got {options.reference!r}")
     rows = play_table(run, backend_of(options, run.out))
-    return Played(options, run, rows, missing, reference)
+    return Played(options, run, rows, reference)
 
 
 def _run_of(options: Any, agents: Sequence[str]) -> TableRun:

@@ -1,4 +1,4 @@
-"""A table of the paper, from its rows: native and official columns, paired differences, what is missing."""
+"""A table of the paper, from its rows: native and official columns, paired differences."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -37,8 +37,6 @@ class TableResult:
     """Means and intervals."""
     reference: str
     """Whom the differences refer to; empty if that agent has no episode."""
-    missing: Sequence[str]
-    """Agents that the roster does not know."""
 
     @property
     def spec(self) -> TableSpec:
@@ -55,9 +53,7 @@ class TableResult:
         return paired_differences(self.rows, self.reference, key) if self.reference else {}
 
 
-def make_result(
-    name: str, preset: str, run: TableRun, rows: Sequence[Row], missing: Sequence[str], reference: str
-) -> TableResult:
+def make_result(name: str, preset: str, run: TableRun, rows: Sequence[Row], reference: str) -> TableResult:
     """Aggregate the rows of a table.
 
     Args:
@@ -65,7 +61,6 @@ def make_result(
         preset: Preset of `anm`.
         run: What was played.
         rows: Its rows.
-        missing: Agents that could not be played.
         reference: Whom to compare with; left out if it has no episode.
 
     Raises:
@@ -74,7 +69,7 @@ def make_result(
     table = make_table(rows)
     named = {line.name for line in table.lines if line.episodes}
     shared = with_oracle_share(rows)
-    return TableResult(name, preset, run, shared, table, reference if reference in named else "", missing)
+    return TableResult(name, preset, run, shared, table, reference if reference in named else "")
 
 
 def format_result(result: TableResult) -> str:
@@ -90,8 +85,6 @@ def format_result(result: TableResult) -> str:
         blocks.append(_format_differences(result))
     roles = [(line.name, spec.role_of(line.name, result.preset)) for line in result.table.lines]
     notes = [f"{name} is {role}" for name, role in roles if role]
-    if result.missing:
-        notes.append(f"missing, as the roster of agents does not know them: {', '.join(result.missing)}")
     return "\n\n".join([*blocks, "\n".join(notes)] if notes else blocks)
 
 
@@ -107,7 +100,6 @@ def result_as_json(result: TableResult) -> dict[str, Any]:
         "is_paired": result.table.is_paired,
         "reference": result.reference or None,
         "columns": {"native": list(result.spec.native), "official": list(result.spec.official)},
-        "missing": list(result.missing),
         "agents": [
             _agent_as_json(result, line, {key: found.get(line.name) for key, found in differences.items()})
             for line in result.table.lines

@@ -1,13 +1,9 @@
-"""Who is in the paper's tables, and which columns they have.
+"""Who is in the paper's tables, and which columns they have."""
 
-A name that the roster of agents does not know yet is left out and said to be missing.
-"""
-
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from agents.roster import parse_agent
 from train.tables.measures import MEASURES, OFFICIAL_MEASURES, ORACLE, Measure
 
 CRITERIA: Final = ("variance", "count", "distance")
@@ -89,27 +85,3 @@ TABLES: Final = {
     ),
 }
 """The tables of Active Neural Mapping; the lines and columns that the paper has not are ours."""
-
-
-def split_known(agents: Iterable[str]) -> tuple[list[str], list[str]]:
-    """Sort agents into those that the roster knows and those that it does not.
-
-    Args:
-        agents: Spellings such as ``fbe:paper``.
-
-    Returns:
-        Known and missing ones, in their order.
-    """
-    known: list[str] = []
-    missing: list[str] = []
-    for agent in agents:
-        (known if _is_known(agent) else missing).append(agent)
-    return known, missing
-
-
-def _is_known(agent: str) -> bool:
-    try:
-        parse_agent(agent)
-    except ValueError:
-        return False
-    return True

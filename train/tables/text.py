@@ -2,11 +2,14 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
 from anm_gym.metrics.intervals import Interval
 from train.tables.comparison import AgentLine, Table
 from train.tables.measures import ALL_MEASURES, MEASURES, Measure
+
+INTERVAL: Final = "95 % confidence interval over scenes, or over the seeds of one"
+"""What stands behind a mean."""
 
 
 def format_estimate(value: Interval | None, digits: int) -> str:
@@ -41,8 +44,7 @@ def format_table(table: Table, measures: Sequence[Measure] = MEASURES) -> str:
         ]
         for line in table.lines
     ]
-    interval = "95 % confidence interval over scenes, or over the seeds of one"
-    title = f"protocol {table.protocol}, {table.budget}; mean ± {interval}"
+    title = f"protocol {table.protocol}, {table.budget}; mean ± {INTERVAL}"
     return "\n".join([title, *aligned(header, body), *notes(table)])
 
 

@@ -4,14 +4,17 @@ import json
 
 import pytest
 
+from agents.roster import ROSTER
 from train.backends import Backend
+from train.command import run_command
+from train.episodes import split_agent
 from train.play import ROWS_FILE
 from train.protocols import Protocol, ProtocolScene
 from train.results import append_row, read_rows
 from train.tables.__main__ import main, play_command
 from train.tables.published import PUBLISHED
 from train.tables.result import format_result, make_result, result_as_json
-from train.tables.rosters import TABLES, split_known
+from train.tables.rosters import TABLES
 from train.tables.run import TableRun, play_table
 
 TINY_CAMERA = '{"camera": {"width_px": 16, "height_px": 16}}'
@@ -26,7 +29,7 @@ def options_of(room_file, out, *more):
 @pytest.fixture(scope="module")
 def written(room_file, tmp_path_factory):
     out = tmp_path_factory.mktemp("table1")
-    agents = ["--agents", "random", "fbe:paper", "nobody", "--reference", "fbe:paper"]
+    agents = ["--agents", "random", "fbe:paper", "--reference", "fbe:paper"]
     main(options_of(room_file, out, *agents, "--json", str(out / "copy.json")))
     return out
 
@@ -34,7 +37,6 @@ def written(room_file, tmp_path_factory):
 def test_command_writes_table_report_starts_and_settings(written):
     table = json.loads((written / "table1.json").read_text())
     assert table == json.loads((written / "copy.json").read_text())
-    assert table["missing"] == ["nobody"]
     assert table["protocol"].startswith("open-scenes-5-steps-")
     assert [line["episodes"] for line in table["agents"]] == [2, 2]
     assert all((written / name).is_file() for name in ("report.html", "starts.json", "settings.json"))
@@ -95,7 +97,7 @@ def make_rows(run, values):
 def result(tmp_path):
     run = make_run(tmp_path)
     rows = make_rows(run, {"random": 20.0, "anm:best": 60.0, "oracle_coverage": 80.0})
-    return make_result("table1", "best", run, rows, ["upen"], "anm:best")
+    return make_result("table1", "best", run, rows, "anm:best")
 
 
 def test_scenes_may_differ_in_budget(result):
@@ -121,19 +123,18 @@ def test_share_of_the_oracle_is_that_of_the_same_start(result):
 
 def test_native_and_official_stand_apart_with_the_paper_beside(result):
     text = format_result(result)
-    native, official, paper, differences, notes = text.split("\n\n")
+    native, official, paper, differences = text.split("\n\n")
     assert "Comp. (%)" in native
     assert "official" not in native.split("\n", 1)[1].replace("native metrics", "")
     assert "Comp. official (%)" in official
     assert "Ours" in paper
     assert "80.45" in paper
     assert "paired differences to anm:best" in differences
-    assert "missing, as the roster of agents does not know them: upen" in notes
 
 
 def test_other_protocols_have_no_published_numbers(tmp_path):
     run = make_run(tmp_path, "open-homes")
-    result = make_result("table1", "best", run, make_rows(run, {"random": 20.0}), [], "anm:best")
+    result = make_result("table1", "best", run, make_rows(run, {"random": 20.0}), "anm:best")
     assert result_as_json(result)["published"] is None
     assert result_as_json(result)["reference"] is None
     assert "as published" not in format_result(result)
@@ -155,17 +156,37 @@ def test_table_one_has_the_rivals_and_table_two_the_modules():
     assert TABLES["table2"].role_of("fbe", "paper") == ""
 
 
-def test_agents_that_the_roster_does_not_know_are_sorted_out():
-    known, missing = split_known(["random", "nobody", "anm:best+relu", "anm:best+nothing", "fbe:paper"])
-    assert known == ["random", "anm:best+relu", "fbe:paper"]
-    assert missing == ["nobody", "anm:best+nothing"]
+@pytest.mark.parametrize(
+    ("agent", "message"),
+    [
+        ("nobody", "unknown agent 'nobody'; choose one of: anm, ans, "),
+        ("anm:nope", "unknown preset 'nope' of agent 'anm'; choose one of: best, fast, paper, released"),
+        ("anm:best+dropuot", "unknown variant 'dropuot' of agent 'anm'; choose one of: "),
+    ],
+)
+def test_misspelt_agent_stops_the_command_before_anything_is_written(
+    room_file, tmp_path, capsys, agent, message
+):
+    out = tmp_path / "run"
+    with pytest.raises(SystemExit) as stopped:
+        run_command(lambda: main(options_of(room_file, out, "--agents", "random", agent)))
+    assert stopped.value.code == 2
+    assert f"error: {message}" in capsys.readouterr().err
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("name", TABLES)
+@pytest.mark.parametrize("preset", ROSTER["anm"].presets)
+def test_every_agent_of_a_table_is_in_the_roster(name, preset):
+    agents = TABLES[name].agents(preset)
+    assert len({split_agent(agent) for agent in agents}) == len(agents)
 
 
 def test_failed_episode_is_listed_and_enters_no_mean(tmp_path):
     run = make_run(tmp_path)
     rows = make_rows(run, {"random": 20.0, "anm:best": 60.0})
     rows[-1] |= {"error": "MapError: no", "comp_pct": None}
-    table = result_as_json(make_result("table1", "best", run, rows, [], "anm:best"))
+    table = result_as_json(make_result("table1", "best", run, rows, "anm:best"))
     assert [failure["error"] for failure in table["failures"]] == ["MapError: no"]
     assert {line["name"]: line["failed"] for line in table["agents"]} == {"anm:best": 1, "random": 0}
     json.dumps(table, allow_nan=False)
