@@ -7,6 +7,7 @@ interrupted run goes on wherever it is started again. Local processes are in `tr
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
+from inspect import signature
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -60,6 +61,7 @@ def run_on(
 
     Raises:
         BackendError: If the backend's package is missing or its cluster cannot be reached.
+        ValueError: If dask has no option of a given name.
         RuntimeError: If a local worker process was killed from outside.
     """
     listed = list(jobs)
@@ -78,6 +80,7 @@ def _run_on_dask(
         raise BackendError(_advice("dask", error)) from error
     from joblib import Parallel, delayed, parallel_config
 
+    _check_dask_options(distributed, backend.options)
     with _dask_client(distributed, backend) as client:
         threads = list(client.nthreads().values())
         if len(threads) < 2:  # joblib would play in this process
@@ -90,6 +93,17 @@ def _run_on_dask(
         with parallel_config(backend="dask"):  # left before the first result: joblib's default stays
             pool = Parallel(n_jobs=-1, return_as="generator_unordered", batch_size=1)
         yield from pool(delayed(_play_one)(play, job) for job in jobs)
+
+
+def _check_dask_options(distributed: Any, options: Mapping[str, Any]) -> None:
+    """Refuse names that dask would hand on to its workers, where each would end in a traceback."""
+    takers = (distributed.Client, distributed.LocalCluster, distributed.Nanny, distributed.Worker)
+    known = {name for taker in (*takers, distributed.core.Server) for name in signature(taker).parameters}
+    if unknown := sorted(set(options) - known):
+        raise ValueError(
+            "`options` must be those of distributed.Client, LocalCluster or Worker, "
+            f"got {', '.join(unknown)}; leave out or mend"
+        )
 
 
 def _dask_client(distributed: Any, backend: Backend) -> Any:

@@ -3,6 +3,7 @@
 import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -33,8 +34,30 @@ from train.tables.measures import (
     agent_name,
     value_of,
 )
-from train.tables.text import columns_of, format_estimate, notes
+from train.tables.text import INTERVAL, columns_of, format_estimate, notes
 from train.trajectory import Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class EpisodeCurves:
+    """Completion curves by agent, of the episodes whose trajectory is there."""
+
+    over_steps: dict[str, list[Curve]]
+    """Over steps."""
+    over_metres: dict[str, list[Curve]]
+    """Over metres."""
+    missing: tuple[Row, ...]
+    """Rows without a trajectory: tables have them, curves do not."""
+
+    @property
+    def num_found(self) -> int:
+        """Episodes with a curve."""
+        return sum(map(len, self.over_steps.values()))
+
+    @property
+    def share(self) -> str:
+        """How many of the episodes have a curve: `3 of 4 episodes`."""
+        return f"{self.num_found} of {self.num_found + len(self.missing)} episodes"
 
 
 def write_report(out: Path, rows: Sequence[Row], title: str) -> Path:
@@ -54,13 +77,10 @@ def write_report(out: Path, rows: Sequence[Row], title: str) -> Path:
     table = make_table(rows)
     good = [row for row in with_oracle_share(rows) if not row.get("error")]
     shared_steps = min(table.steps_by_scene.values())
-    steps, metres = load_curves(out, good, shared_steps)
-    curves = completion_figure(steps, metres, shared_steps, out / "curves.png") if good else out / "none"
-    about = f"Completion over the {shared_steps} steps that all scenes have, and over metres walked in them."
     sections = [
         Section("Comparison", _measured(table, MEASURES) + _table_notes(table)),
         Section("Paired differences", _differences(table, good)),
-        Section("Completion", html.image(curves, about)),
+        Section("Completion", _completion(out, load_curves(out, good, shared_steps), shared_steps)),
         Section("By scene", _by_scene(good)),
         Section("As the released evaluation measures", _measured(table, OFFICIAL_MEASURES)),
         Section("CPU time", _compute(good)),
@@ -74,25 +94,41 @@ def write_report(out: Path, rows: Sequence[Row], title: str) -> Path:
     return html.write_page(out / "report.html", html.page(title, subtitle, [s for s in sections if s.body]))
 
 
-def load_curves(
-    out: Path, rows: Sequence[Row], max_steps: int
-) -> tuple[dict[str, list[Curve]], dict[str, list[Curve]]]:
+def load_curves(out: Path, rows: Sequence[Row], max_steps: int) -> EpisodeCurves:
     """Read the first steps of the completion curves by agent: over steps, and over metres.
 
     Curves of unlike length have no mean, so all end at a budget that every episode had.
+
+    Args:
+        out: The run's folder; its `episodes/` may be gone, as git does not keep them.
+        rows: Result rows of episodes that did not fail.
+        max_steps: Where the curves end.
     """
     steps: dict[str, list[Curve]] = defaultdict(list)
     metres: dict[str, list[Curve]] = defaultdict(list)
+    missing: list[Row] = []
     for row in rows:
         path = out / str(row.get("trajectory", ""))
         if not path.is_file():
+            missing.append(row)
             continue
         trajectory = Trajectory.load(path)
         y = trajectory.curves["comp_pct"][: max_steps + 1]
         name = agent_name(row["agent"], row["preset"])
         steps[name].append(Curve(np.arange(len(y), dtype=np.float64), y, row["scene"]))
         metres[name].append(Curve(trajectory.path_m[: len(y)], y, row["scene"]))
-    return dict(steps), dict(metres)
+    return EpisodeCurves(dict(steps), dict(metres), tuple(missing))
+
+
+def _completion(out: Path, curves: EpisodeCurves, steps: int) -> str:
+    """Draw the curves and say whose are not there; without any, an earlier picture stays as it is."""
+    about = f"Completion over the {steps} steps that all scenes have, and over metres walked in them."
+    gap = f"Curves of {curves.share}: the trajectories of the others are not in the run's folder."
+    note = html.paragraph(gap) if curves.missing else ""
+    if not curves.num_found:
+        return note
+    picture = completion_figure(curves.over_steps, curves.over_metres, steps, out / "curves.png")
+    return html.image(picture, about) + note
 
 
 def _comparison(lines: Sequence[AgentLine], measures: Sequence[Measure]) -> str:
@@ -127,7 +163,7 @@ def _best(lines: Sequence[AgentLine], measure: Measure) -> float:
 
 
 def _table_notes(table: Table) -> str:
-    general = "Mean ± 95 % t-interval over episodes; bold is the best mean. A click on a heading sorts."
+    general = f"Mean ± {INTERVAL}; bold is the best mean. A click on a heading sorts."
     worst = [
         f"{line.name} {line.worst_scene} ({line.worst_comp_pct:.1f} %)"
         for line in table.lines

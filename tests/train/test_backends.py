@@ -41,7 +41,7 @@ def test_dask_plays_every_job_in_a_worker_of_one_thread(square):
 def test_dask_scheduler_of_the_user_is_used(square):
     import distributed
 
-    with distributed.LocalCluster(n_workers=1, threads_per_worker=2, dashboard_address=None) as cluster:
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
         results = results_of(Backend("dask", 2, {"address": cluster.scheduler_address}), square, [5])
     assert results[5][0] == 25
     assert results[5][1] != os.getpid()
@@ -62,6 +62,13 @@ def test_workers_that_play_two_episodes_at_once_are_refused(square):
         BackendError, match="must have one thread, got 2; start `dask worker` with --nthreads 1"
     ):
         results_of(backend, square, [1])
+
+
+@pytest.mark.needs_dask
+@pytest.mark.parametrize("more", [{}, {"address": "tcp://127.0.0.1:9", "timeout": 0.5}])
+def test_option_that_dask_does_not_have_is_named_before_any_worker_starts(more, square):
+    with pytest.raises(ValueError, match=r"`options` must be those of distributed\.Client, .* got bar, foo;"):
+        results_of(Backend("dask", 2, {"foo": 1, "n_workers": 2, "bar": 2, **more}), square, [1])
 
 
 @pytest.mark.needs_dask

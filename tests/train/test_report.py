@@ -1,10 +1,13 @@
-"""The report's section on calibration: who is in it, what it says, what old rows leave out."""
+"""The report: its calibration, its failures, and what it says of intervals and of missing curves."""
 
 import numpy as np
 import pytest
 
 from train.pictures import save_picture
 from train.report import write_report
+from train.tables.comparison import make_table
+from train.tables.text import format_table
+from train.trajectory import Trajectory
 
 TITLE = "Calibration of the map&#x27;s uncertainty"
 
@@ -57,6 +60,38 @@ def test_a_map_without_zero_crossings_has_a_line_but_no_curve(report):
 
 def test_failed_episodes_enter_no_calibration(report):
     assert TITLE not in report([make_row("fbe"), make_map_row(error="MapError: no")])
+
+
+def make_curve_row(out, seed, is_kept=True):
+    """Make a row; its trajectory is there if it is kept."""
+    name = f"episodes/{seed}.npz"
+    if is_kept:
+        curves = {"comp_pct": np.linspace(0.0, 50.0, 11)}
+        Trajectory("a", seed, np.ones(10, np.int8), np.zeros((11, 3)), curves=curves).save(out / name)
+    return make_row(seed=seed, trajectory=name)
+
+
+def test_curves_of_a_part_of_the_episodes_say_so(report, tmp_path):
+    rows = [make_curve_row(tmp_path, seed, is_kept=seed != 1) for seed in range(3)]
+    text = report(rows)
+    assert "Curves of 2 of 3 episodes: the trajectories of the others are not in" in text
+    assert "data:image/png;base64," in text
+    assert "Curves of" not in report([rows[0], rows[2]])
+
+
+def test_report_without_a_trajectory_has_no_curves_and_leaves_an_earlier_picture(report, tmp_path):
+    (tmp_path / "curves.png").write_bytes(b"earlier")
+    text = report([make_curve_row(tmp_path, seed, is_kept=False) for seed in range(2)])
+    assert "Curves of 0 of 2 episodes" in text
+    assert "<img" not in text
+    assert (tmp_path / "curves.png").read_bytes() == b"earlier"
+
+
+def test_report_and_printed_table_say_the_same_of_their_intervals(report):
+    rows = [make_row(seed=seed) for seed in range(2)]
+    interval = "95 % confidence interval over scenes, or over the seeds of one"
+    assert f"Mean ± {interval};" in report(rows)
+    assert f"mean ± {interval}" in format_table(make_table(rows)).splitlines()[0]
 
 
 ATTRIBUTION = {

@@ -31,7 +31,7 @@ from train.provenance import effective_settings, versions
 from train.runner import run_episode
 
 QUICK_STEPS: Final = 60
-"""Steps of `--quick`."""
+"""Steps of `--quick`, where no others are given."""
 
 MakeTrace = Callable[[int, int], Trace]
 """Makes a figure's trace from the budget of steps and the seed."""
@@ -48,6 +48,10 @@ FIGURES: Final[dict[str, MakeTrace]] = {
 ALL: Final = "all"
 CURVES: Final = "fig5"
 """The figure that is drawn from the rows of a table."""
+OF_EPISODES: Final = frozenset({"scene", "preset", "steps", "seed", "env"})
+"""Options that choose the episode to play; `CURVES` plays none of its own."""
+OF_CURVES: Final = frozenset({"run"})
+"""Options of `CURVES` alone."""
 
 
 @dataclass(frozen=True)
@@ -99,6 +103,8 @@ class Drawn:
     """The JSON file."""
     error: str = ""
     """Why there is no picture."""
+    gap: str = ""
+    """What the picture lacks of what was asked for."""
 
 
 def draw_figures(request: Request, json_path: Path | None = None) -> list[Drawn]:
@@ -143,17 +149,18 @@ def play(request: Request, traces: Sequence[Trace]) -> tuple[Moment, dict[str, A
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command."""
-    options = _parser().parse_args(arguments)
+    options = read_options(arguments)
     json_path = None if options.json is None else Path(options.json)
     if options.figure == CURVES:
         drawn = draw_curves(Path(options.out), options.run, json_path, is_quick=options.quick)
-        print(f"{drawn.name}: {drawn.picture}, numbers in {drawn.numbers}")
+        parts = (f"{drawn.name}: {drawn.picture}", drawn.gap, f"numbers in {drawn.numbers}")
+        print(", ".join(part for part in parts if part))
         return
     request = Request(
         names=tuple(FIGURES) if options.figure == ALL else (options.figure,),
         scene=options.scene,
         preset=options.preset,
-        steps=QUICK_STEPS if options.quick else options.steps,
+        steps=options.steps,
         seed=options.seed,
         out=Path(options.out),
         env_options=options.env or {},
@@ -168,17 +175,40 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.exit(2)
 
 
+def read_options(arguments: Sequence[str] | None = None) -> Any:
+    """Read the command line; options that would do nothing, or harm, end the command, exit code 2.
+
+    Args:
+        arguments: Words of the command line; None for those of the process.
+    """
+    parser = _parser()
+    given = parser.parse_args(arguments, defaults=False).as_dict()
+    options = parser.parse_args(arguments)
+    others = OF_EPISODES if options.figure == CURVES else OF_CURVES
+    if useless := [f"--{name}" for name in given if name in others]:
+        advice = "the table has its episodes" if options.figure == CURVES else f"only {CURVES} reads a table"
+        parser.error(f"{', '.join(useless)} must not be given with {options.figure}: {advice}; leave out")
+    if options.quick and "run" in given:
+        parser.error(
+            "--quick must not come with --run: its short episodes would join the table's; leave one out"
+        )
+    if options.quick and "steps" not in given:
+        options.steps = QUICK_STEPS
+    return options
+
+
 def draw_curves(out: Path, run: str | None, json_path: Path | None, *, is_quick: bool) -> Drawn:
     """Draw the completion curves of all agents of a table.
 
     Args:
         out: Folder of the picture.
-        run: Folder of the table's rows; None for that of ``train.tables table1``.
+        run: Folder of the table's rows; None for that of ``train.tables table1``, as it has to be for the
+            quick table, whose short episodes would join those of a folder that is given.
         json_path: Where the numbers go, instead of beside the picture.
         is_quick: Whether to play the quick table first, where it has not been.
 
     Raises:
-        FileNotFoundError: If there are no rows.
+        FileNotFoundError: If there are no rows, or none of them has its trajectory.
     """
     from train.figures.curves import gather_curves
     from train.tables.__main__ import play_command
@@ -189,7 +219,7 @@ def draw_curves(out: Path, run: str | None, json_path: Path | None, *, is_quick:
     curves = gather_curves(folder)
     picture = curves.draw(out / f"{CURVES}_{curves.protocol}.png")
     numbers = json_path or picture.with_suffix(".json")
-    return Drawn(CURVES, picture, _write_numbers(numbers, curves.numbers()))
+    return Drawn(CURVES, picture, _write_numbers(numbers, curves.numbers()), gap=curves.gap)
 
 
 def _write_numbers(path: Path, numbers: Numbers) -> Path:
@@ -245,7 +275,7 @@ def _parser() -> ArgumentParser:
     add("--json", default=None, help="where the numbers of a single figure go")
     add("--env", type=dict | None, default=None, help="arguments of the environment, such as a camera")
     add("--run", default=None, help=f"for {CURVES}: folder of a table's rows; runs/table1/open-homes")
-    add("--quick", action="store_true", help=f"only {QUICK_STEPS} steps; for {CURVES} the quick table")
+    add("--quick", action="store_true", help=f"{QUICK_STEPS} steps; for {CURVES} the quick table")
     return parser
 
 

@@ -42,6 +42,13 @@ class Panel:
     """Mean completion ratio with its 95 % band over scenes and seeds, by agent, the best at the end first."""
     episodes: Mapping[str, int]
     """Episodes by agent."""
+    missing: int = 0
+    """Episodes of the table that have no trajectory here, and so no curve."""
+
+    @property
+    def num_episodes(self) -> int:
+        """Episodes with a curve."""
+        return sum(self.episodes.values())
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +58,14 @@ class CompletionCurves:
     protocol: str
     """Of the rows."""
     panels: tuple[Panel, ...]
-    """The smallest budget first."""
+    """The smallest budget first; without any curve, a panel has no bands and is not drawn."""
+
+    @property
+    def gap(self) -> str:
+        """How many of the table's episodes have a curve; empty if all do."""
+        found = sum(panel.num_episodes for panel in self.panels)
+        missing = sum(panel.missing for panel in self.panels)
+        return f"{found} of {found + missing} episodes, the others without a trajectory" if missing else ""
 
     def numbers(self) -> Numbers:
         """Give the curves as plain arrays."""
@@ -64,12 +78,13 @@ class CompletionCurves:
 
     def draw(self, path: Path) -> Path:
         """Write the PNG."""
-        result, axes = figure(len(self.panels), width_in=6.4 * len(self.panels), height_in=4.6)
-        names = sorted({name for panel in self.panels for name in panel.bands})
+        panels = [panel for panel in self.panels if panel.bands]
+        result, axes = figure(len(panels), width_in=6.4 * len(panels), height_in=4.6)
+        names = sorted({name for panel in panels for name in panel.bands})
         styles = {
             name: (PALETTE[i % len(PALETTE)], _LINES[i // len(PALETTE) % 3]) for i, name in enumerate(names)
         }
-        for axis, panel in zip(axes, self.panels, strict=True):
+        for axis, panel in zip(axes, panels, strict=True):
             _draw_panel(axis, panel, styles)
         axes[0].set_ylabel("completion ratio (%), mean and 95 % CI")
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -84,7 +99,7 @@ def gather_curves(run: Path) -> CompletionCurves:
         run: Folder of the run, with rows and trajectories.
 
     Raises:
-        FileNotFoundError: If there are none.
+        FileNotFoundError: If there are no rows, or none of them has its trajectory.
         ValueError: If the rows cannot be compared, see `train.tables.comparison.make_table`.
     """
     rows = [row for row in read_rows(run / ROWS_FILE) if not row.get("error")]
@@ -97,19 +112,25 @@ def gather_curves(run: Path) -> CompletionCurves:
     for row in rows:
         by_budget[row["steps"]].append(row)
     panels = tuple(_panel(run, steps, by_budget[steps]) for steps in sorted(by_budget))
+    if not any(panel.bands for panel in panels):
+        raise FileNotFoundError(
+            f"{run} must hold the trajectories of its {len(rows)} episodes, got none; copy them there, or "
+            "play the episodes again in an empty folder with `python -m train.tables table1`"
+        )
     return CompletionCurves(table.protocol, panels)
 
 
 def _panel(run: Path, steps: int, rows: Sequence[Row]) -> Panel:
-    curves, _ = load_curves(run, rows, steps)
+    loaded = load_curves(run, rows, steps)
     x = _whole_steps(steps)
-    bands = {name: _band(found, x) for name, found in curves.items()}
+    bands = {name: _band(found, x) for name, found in loaded.over_steps.items()}
     best_first = sorted(bands, key=lambda name: -bands[name].mean[-1])
     return Panel(
         steps,
         tuple(sorted({row["scene"] for row in rows})),
         {name: bands[name] for name in best_first},
-        {name: len(curves[name]) for name in best_first},
+        {name: len(loaded.over_steps[name]) for name in best_first},
+        len(loaded.missing),
     )
 
 
@@ -125,7 +146,8 @@ def _panel_numbers(panel: Panel) -> Numbers:
         for name, band in panel.bands.items()
     }
     steps = _whole_steps(panel.steps)
-    return {"budget": panel.steps, "scenes": panel.scenes, "step": steps, "comp_pct": agents}
+    head = {"budget": panel.steps, "scenes": panel.scenes, "episodes_missing": panel.missing}
+    return {**head, "step": steps, "comp_pct": agents}
 
 
 def _whole_steps(budget: int) -> NDArray[np.float64]:
@@ -144,5 +166,7 @@ def _draw_panel(axis: Any, panel: Panel, styles: Mapping[str, tuple[str, str]]) 
     axis.set_ylim(0.0, 100.0)
     axis.set_xlabel("steps")
     count = len(panel.scenes)
-    axis.set_title(f"{count} scene{'s' if count > 1 else ''}, {panel.steps} steps", fontsize=10)
+    total = panel.num_episodes + panel.missing
+    gap = f", {panel.num_episodes} of {total} episodes" if panel.missing else ""
+    axis.set_title(f"{count} scene{'s' if count > 1 else ''}, {panel.steps} steps{gap}", fontsize=10)
     axis.legend(frameon=False, fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))

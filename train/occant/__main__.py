@@ -116,8 +116,8 @@ def train(training: OccAntTraining, out: Path) -> tuple[OccAntModel, dict[str, A
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command."""
-    options = _parser().parse_args(arguments)
-    training = _training_of(options)
+    options = read_options(arguments)
+    training = training_of(options)
     out, name = Path(options.out), "occant" if training.model.anticipates else "ans"
     torch.set_num_threads(1)
     start_s = time.process_time()
@@ -230,9 +230,20 @@ def _paths(text: str | None) -> list[Path]:
     return [Path(text)] if text else []
 
 
-def _training_of(options: Any) -> OccAntTraining:
+def read_options(arguments: Sequence[str] | None = None) -> Any:
+    """Read the command line; under `--quick`, what is not given is that of a quick run.
+
+    Args:
+        arguments: Words of the command line; None for those of the process.
+    """
+    options = _parser(OccAntTraining()).parse_args(arguments)
+    return _parser(OccAntTraining().quick()).parse_args(arguments) if options.quick else options
+
+
+def training_of(options: Any) -> OccAntTraining:
+    """Settings of a run from the options of its command line."""
     default = OccAntTraining()
-    training = OccAntTraining(
+    return OccAntTraining(
         model=replace(default.model, anticipates=options.anticipation, width=options.width),
         frame_homes=options.frame_homes,
         test_homes=options.test_homes,
@@ -245,12 +256,10 @@ def _training_of(options: Any) -> OccAntTraining:
         test_episodes=options.test_episodes,
         seed=options.seed,
     )
-    return training.quick() if options.quick else training
 
 
-def _parser() -> ArgumentParser:
+def _parser(default: OccAntTraining) -> ArgumentParser:
     parser = ArgumentParser(prog="python -m train.occant", description=__doc__.splitlines()[0])
-    default = OccAntTraining()
     add = parser.add_argument
     yes_or_no = ActionYesNo(yes_prefix="", no_prefix="no-")
     add(
@@ -281,7 +290,7 @@ def _parser() -> ArgumentParser:
     add("--seed", type=int, default=default.seed, help="seeds everything")
     add("--out", default="runs/occant", help="folder of the run; started again, it goes on")
     add("--json", default=None, help="write settings, curves and scores to this file too")
-    add("--quick", action=yes_or_no, default=False, help="a run of seconds")
+    add("--quick", action=yes_or_no, default=False, help="a run of seconds, but for what is given")
     add("--install", action=yes_or_no, default=False, help="ship the result")
     return parser
 

@@ -4,6 +4,7 @@ Command: ``python -m train.upen --out runs/upen``. A killed run goes on where it
 """
 
 import json
+import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -89,19 +90,12 @@ def train(training: UpenTraining, out: Path) -> tuple[Ensemble, dict[str, Any]]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command."""
-    options = _parser().parse_args(arguments)
-    training = UpenTraining(
-        homes=options.homes,
-        test_homes=options.test_homes,
-        seed=options.seed,
-        raster=EnsembleSettings(net=options.net, width=options.width, members=options.members),
-        crops=CropSettings(crops_per_home=options.crops_per_home),
-        learning=LearningSettings(passes=options.passes, split=options.split),
-    )
-    training = training.quick() if options.quick else training
-    out = Path(options.out)
+    options = read_options(arguments)
+    training, out = training_of(options), Path(options.out)
     torch.set_num_threads(1)
+    start_s = time.process_time()
     ensemble, report = train(training, out)
+    report["cpu_s"] = time.process_time() - start_s
     save_ensemble(ensemble, out / SHIPPED.name, is_half=True)
     written = [out / "upen.json", *([SHIPPED.with_suffix(".json")] if options.install else [])]
     for path in [*written, *([Path(options.json)] if options.json else [])]:
@@ -111,6 +105,28 @@ def main(arguments: Sequence[str] | None = None) -> None:
         save_ensemble(ensemble, SHIPPED, is_half=True)
     print(format_scores(report["scores"]))
     print(f"ensemble: {SHIPPED if options.install else out / SHIPPED.name}")
+
+
+def read_options(arguments: Sequence[str] | None = None) -> Any:
+    """Read the command line; under `--quick`, what is not given is that of a quick run.
+
+    Args:
+        arguments: Words of the command line; None for those of the process.
+    """
+    options = _parser(UpenTraining()).parse_args(arguments)
+    return _parser(UpenTraining().quick()).parse_args(arguments) if options.quick else options
+
+
+def training_of(options: Any) -> UpenTraining:
+    """Settings of a run from the options of its command line."""
+    return UpenTraining(
+        homes=options.homes,
+        test_homes=options.test_homes,
+        seed=options.seed,
+        raster=EnsembleSettings(net=options.net, width=options.width, members=options.members),
+        crops=CropSettings(crops_per_home=options.crops_per_home),
+        learning=LearningSettings(passes=options.passes, split=options.split),
+    )
 
 
 def _gather(training: UpenTraining, homes: Sequence[str], out: Path, title: str) -> list[Crops]:
@@ -134,11 +150,8 @@ def _learn(training: UpenTraining, member: int, seen: Sequence[Crops], out: Path
     return learner
 
 
-def _parser() -> ArgumentParser:
-    parser, default = (
-        ArgumentParser(prog="python -m train.upen", description=__doc__.splitlines()[0]),
-        UpenTraining(),
-    )
+def _parser(default: UpenTraining) -> ArgumentParser:
+    parser = ArgumentParser(prog="python -m train.upen", description=__doc__.splitlines()[0])
     add = parser.add_argument
     add("--homes", type=int, default=default.homes, help="procedural homes to learn from")
     add("--test_homes", type=int, default=default.test_homes, help="procedural homes to evaluate on")
@@ -156,10 +169,9 @@ def _parser() -> ArgumentParser:
     add("--seed", type=int, default=default.seed, help="seeds walks, weights and batches")
     add("--out", default="runs/upen", help="folder of the run; started again, it goes on")
     add("--json", default=None, help="write settings, curves and scores to this file too")
-    add("--quick", action=ActionYesNo(yes_prefix="", no_prefix="no-"), default=False, help="a run of seconds")
-    add(
-        "--install", action=ActionYesNo(yes_prefix="", no_prefix="no-"), default=False, help="ship the result"
-    )
+    yes_or_no = ActionYesNo(yes_prefix="", no_prefix="no-")
+    add("--quick", action=yes_or_no, default=False, help="a run of seconds, but for what is given")
+    add("--install", action=yes_or_no, default=False, help="ship the result")
     return parser
 
 

@@ -14,7 +14,16 @@ from anm_gym.map.settings import FieldSettings, LossSettings, MapSettings, Sampl
 from anm_gym.map.targets import TargetSettings
 from anm_gym.map.volume import FREE, OCCUPIED
 from train.episodes import make_env
-from train.figures.__main__ import FIGURES, Request, draw_figures, main, plain, play
+from train.figures.__main__ import (
+    FIGURES,
+    QUICK_STEPS,
+    Request,
+    draw_figures,
+    main,
+    plain,
+    play,
+    read_options,
+)
 from train.figures.compute import Compute
 from train.figures.landscape import (
     FalsePoints,
@@ -326,6 +335,18 @@ def test_numbers_of_several_figures_do_not_go_to_one_file(tmp_path):
 def options_of(scene, out, steps):
     """Write the options of a small run."""
     return [f"--scene={scene}", f"--steps={steps}", f"--out={out}", f"--env={json.dumps(CAMERA)}"]
+
+
+def test_quick_episode_has_few_steps_unless_others_are_given():
+    assert read_options(["fig7", "--quick"]).steps == QUICK_STEPS
+    assert read_options(["fig7", "--quick", "--steps", "7"]).steps == 7
+    assert read_options(["fig7"]).steps == Request(("fig7",)).steps
+
+
+def test_figure_of_an_episode_takes_no_rows(capsys):
+    with pytest.raises(SystemExit, match="2"):
+        main(["fig7", "--run", "runs/table1/open-homes"])
+    assert "--run must not be given with fig7: only fig5 reads a table" in capsys.readouterr().err
 
 
 def test_command_draws_one_figure_and_says_where(room_file, tmp_path, capsys):

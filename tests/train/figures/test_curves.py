@@ -63,6 +63,59 @@ def test_run_without_rows_names_the_command(tmp_path):
         gather_curves(tmp_path)
 
 
+def lose(run, *names):
+    for name in names:
+        (run / "episodes" / name).unlink()
+
+
+def test_run_whose_trajectories_are_gone_is_refused_with_their_number(run):
+    lose(run, *(f"{agent}_a_{seed}.npz" for agent in ("anm", "fbe") for seed in range(3)))
+    with pytest.raises(
+        FileNotFoundError, match=rf"{run} must hold the trajectories of its 6 episodes, got none; copy them"
+    ):
+        gather_curves(run)
+
+
+def test_figure_says_how_many_of_the_episodes_it_shows(run, tmp_path, capsys):
+    leave_episode(run, "fbe", 0, np.linspace(0.0, 40.0, 9), scene="b")
+    lose(run, "fbe_a_1.npz", "fbe_b_0.npz")
+    curves = gather_curves(run)
+    assert [(panel.num_episodes, panel.missing) for panel in curves.panels] == [(5, 1), (0, 1)]
+    main(["fig5", "--run", str(run), "--out", str(tmp_path / "out")])
+    assert "fig5_p.png, 5 of 7 episodes, the others without a trajectory, numbers" in capsys.readouterr().out
+    (numbers,) = (tmp_path / "out").glob("*.json")
+    assert [panel["episodes_missing"] for panel in json.loads(numbers.read_text())["data"]["panels"]] == [
+        1,
+        1,
+    ]
+
+
+def test_title_of_a_panel_says_how_many_episodes_it_shows(run, tmp_path, monkeypatch):
+    titles = []
+    monkeypatch.setattr("matplotlib.axes.Axes.set_title", lambda axis, text, **_: titles.append(text))
+    gather_curves(run).draw(tmp_path / "whole.png")
+    lose(run, "fbe_a_1.npz")
+    gather_curves(run).draw(tmp_path / "part.png")
+    assert titles == ["1 scene, 4 steps", "1 scene, 4 steps, 5 of 6 episodes"]
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (["--scene", "home:flat:2"], "--scene must not be given with fig5: the table has its episodes"),
+        (["--steps=9", "--seed=1"], "--steps, --seed must not be given with fig5"),
+        (["--env.reward", "none"], "--env must not be given with fig5"),
+        (["--quick"], "--quick must not come with --run: its short episodes would join the table's"),
+    ],
+)
+def test_options_that_would_do_nothing_or_harm_are_refused(given, message, run, capsys):
+    before = (run / ROWS_FILE).read_bytes()
+    with pytest.raises(SystemExit, match="2"):
+        main(["fig5", "--run", str(run), *given])
+    assert message in " ".join(capsys.readouterr().err.split())
+    assert (run / ROWS_FILE).read_bytes() == before
+
+
 def test_command_draws_the_figure_and_writes_its_numbers(run, tmp_path, capsys):
     leave_episode(run, "fbe", 0, np.linspace(0.0, 40.0, 9), scene="b")
     numbers = tmp_path / "fig5.json"

@@ -6,7 +6,7 @@ import pytest
 import train.occant.__main__ as command
 from agents.occant_model import load_model
 from train.occant import frames as occant_frames
-from train.occant.__main__ import OccAntTraining, format_coverage, main
+from train.occant.__main__ import OccAntTraining, format_coverage, main, read_options, training_of
 
 TINY = [
     "--frame_homes",
@@ -68,6 +68,13 @@ def test_folder_of_another_run_is_refused(tmp_path: Path) -> None:
     (tmp_path / "settings.json").write_text("{}\n", encoding="utf-8")
     with pytest.raises(ValueError, match="`out` must be empty or hold a run with the same settings"):
         main([*TINY, "--out", str(tmp_path)])
+
+
+def test_quick_run_keeps_what_is_given() -> None:
+    assert training_of(read_options(["--quick"])) == OccAntTraining().quick()
+    asked = training_of(read_options(["--quick", "--updates", "7", "--goal_homes=60", "--no-anticipation"]))
+    assert (asked.goals.updates, asked.goal_homes, asked.reward) == (7, 60, "area_seen")
+    assert asked.goals.envs == OccAntTraining().quick().goals.envs
 
 
 def test_quick_run_is_small_and_of_the_same_kind() -> None:

@@ -9,7 +9,7 @@ from torch import Tensor, nn
 import train.upen.__main__ as command
 from agents.upen_ensemble import SCORES, Ensemble, EnsembleSettings, load_ensemble
 from train.upen import data as upen_data
-from train.upen.__main__ import UpenTraining, main
+from train.upen.__main__ import UpenTraining, main, read_options, training_of
 from train.upen.data import Crops
 from train.upen.learning import LearningSettings
 from train.upen.scores import evaluate, format_scores
@@ -87,6 +87,7 @@ def test_command_trains_writes_goes_on_and_ships(
     report = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
     assert report["settings"]["raster"]["width"] == 2
     assert len(report["curves"]) == 2
+    assert report["cpu_s"] > 0.0
     assert set(report["scores"]["auroc"]["unobserved"]) == set(SCORES)
     assert load_ensemble(out / "upen.safetensors").settings.members == 2
     kept = (out / "members" / "0.safetensors").read_bytes()
@@ -102,6 +103,28 @@ def test_folder_of_another_run_is_refused(tmp_path: Path) -> None:
     (tmp_path / "settings.json").write_text("{}\n", encoding="utf-8")
     with pytest.raises(ValueError, match="`out` must be empty or hold a run with the same settings"):
         main([*TINY, "--out", str(tmp_path)])
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (["--net", "foo"], "`net` must be one of plain, residual, got 'foo'"),
+        (["--width", "0"], "`width` and `members` must be >= 1, got 0 and 2"),
+    ],
+)
+def test_wrong_network_is_refused_before_it_claims_the_folder(
+    given: list[str], message: str, tmp_path: Path
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        main([*TINY, *given, "--out", str(tmp_path / "run")])
+    assert not (tmp_path / "run").exists()
+
+
+def test_quick_run_keeps_what_is_given() -> None:
+    assert training_of(read_options(["--quick"])) == UpenTraining().quick()
+    asked = training_of(read_options(["--quick", "--width", "8", "--homes=2", "--passes", "20000"]))
+    assert (asked.raster.width, asked.homes, asked.learning.passes) == (8, 2, 20_000)
+    assert asked.test_homes == UpenTraining().quick().test_homes
 
 
 def test_quick_run_is_small() -> None:
