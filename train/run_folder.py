@@ -1,22 +1,25 @@
 """A folder belongs to one run: its settings lie in it, and a run with others is refused."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
 SETTINGS_FILE = "settings.json"
 
 
-def claim_folder(folder: Path, settings: Mapping[str, Any], *, writes: bool = True) -> None:
+def claim_folder(
+    folder: Path, settings: Mapping[str, Any], *, may_change: Collection[str] = (), writes: bool = True
+) -> None:
     """Write the settings into a new folder, or check that they are those of the run that is there.
 
-    The file appears whole or not at all, and is written once, so neither a kill nor another process
-    finds half of it.
+    The file appears whole or not at all, so neither a kill nor another process finds half of it. It is
+    written once, and again only if a setting that may change has changed.
 
     Args:
         folder: The folder; it is made.
         settings: Plain values.
+        may_change: Names of settings that may be others when the run goes on.
         writes: Whether this process is the one that writes.
 
     Raises:
@@ -25,9 +28,31 @@ def claim_folder(folder: Path, settings: Mapping[str, Any], *, writes: bool = Tr
     path, text = folder / SETTINGS_FILE, json.dumps(settings, indent=2) + "\n"
     folder.mkdir(parents=True, exist_ok=True)
     if path.exists():
-        if path.read_text(encoding="utf-8") != text:
-            raise ValueError(f"`out` must be empty or hold a run with the same settings, got {str(folder)!r}")
-    elif writes:
+        others = _differing(json.loads(text), read_settings(folder))
+        if refused := [name for name in others if name not in may_change]:
+            raise ValueError(
+                "`out` must be empty or hold a run with the same settings, got another "
+                f"`{refused[0]}` in {str(path)!r}; choose another folder"
+            )
+        if not others:
+            return
+    if writes:
         partial = path.with_name(path.name + ".partial")
         partial.write_text(text, encoding="utf-8")
         partial.replace(path)
+
+
+def read_settings(folder: Path) -> dict[str, Any]:
+    """Read the settings of the run in a folder, as JSON gives them.
+
+    Raises:
+        FileNotFoundError: If the folder holds no run.
+    """
+    settings: dict[str, Any] = json.loads((folder / SETTINGS_FILE).read_text(encoding="utf-8"))
+    return settings
+
+
+def _differing(asked: Mapping[str, Any], found: Mapping[str, Any]) -> list[str]:
+    """Names whose values differ, or that only one of the two has."""
+    names = dict.fromkeys((*asked, *found))
+    return [name for name in names if name not in asked or name not in found or asked[name] != found[name]]

@@ -17,6 +17,7 @@ from train.command import run_command
 from train.coverage.run import CoverageRun, score_baseline
 from train.coverage.settings import CoverageTraining
 from train.learning_curve import learning_curve_figure
+from train.option_names import spell_with_dashes
 from train.provenance import versions
 
 
@@ -79,7 +80,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print(f"{name:>10}{value_pct:>16.1f}")
     print(f"{result['cpu_s']:.0f} CPU seconds; curve: {result['figure']}")
     if options["json"]:
-        Path(options["json"]).write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+        path = Path(options["json"])
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
 
 
 def _mean(values: Any) -> float:
@@ -93,7 +96,7 @@ def _parser() -> ArgumentParser:
     flag = ActionYesNo(yes_prefix="", no_prefix="no-")
     parser.add_argument("--quick", action=flag, default=False, help="less than a minute's worth")
     parser.add_argument("--json", default=None, help="write curve and baselines to this file")
-    return parser
+    return spell_with_dashes(parser)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,6 @@ the round's number. So a run that was killed goes on from its last checkpoint to
 for bit, as one that was not.
 """
 
-import json
 import time
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -31,6 +30,7 @@ from agents.roster import build_agent
 from agents.sb3 import RecurrentViewPolicy, ViewPolicy
 from train.coverage.settings import CoverageTraining, expand_scenes, make_explore, make_learner_env
 from train.navigator.checkpoint import Progress, TrainingCheckpoint
+from train.run_folder import claim_folder, read_settings
 from train.runner import run_episode
 
 STAGE: Final = "coverage"
@@ -40,8 +40,6 @@ ALGORITHMS: Final[dict[str, tuple[type[OnPolicyAlgorithm], type[Any]]]] = {
     "recurrent_ppo": (RecurrentPPO, RecurrentViewPolicy),
 }
 """Learners and their policies by the names of the settings."""
-SETTINGS_FILE: Final = "settings.json"
-"""Name of the settings in the run's folder."""
 MAY_CHANGE: Final = frozenset({"out", "steps", "baselines"})
 """Settings that may be others when a run goes on."""
 EVAL_TAGS: Final = {
@@ -69,7 +67,8 @@ class CoverageRun:
 
     def __init__(self, training: CoverageTraining) -> None:
         self.training = training
-        _claim_folder(training)
+        plain = {**asdict(training), "out": str(training.out)}
+        claim_folder(training.out, plain, may_change=MAY_CHANGE)
         self._checkpoint = TrainingCheckpoint(training.out / "checkpoint.safetensors")
         self.progress = self._checkpoint.progress() or Progress(STAGE)
         self._cpu_before_s = self.progress.cpu_s - time.process_time()
@@ -165,7 +164,7 @@ def load_explorer(folder: Path) -> tuple[OnPolicyAlgorithm, gym.Env]:
         FileNotFoundError: If the folder holds no run.
         PolicyError: If its checkpoint cannot be read.
     """
-    training = CoverageTraining.from_plain(_read_settings(folder))
+    training = CoverageTraining.from_plain(read_settings(folder))
     scenes = expand_scenes(training.eval_scenes)
     model = make_model(training, _vectorise(training, scenes, 1))
     TrainingCheckpoint(folder / "checkpoint.safetensors").restore(model.policy, model.policy.optimizer)
@@ -232,22 +231,3 @@ def _monitored(training: CoverageTraining, scenes: Sequence[str]) -> Monitor[Any
 
 def _seed_of_round(seed: int, index: int) -> int:
     return int(np.random.SeedSequence([seed, index]).generate_state(1)[0] >> 1)
-
-
-def _claim_folder(training: CoverageTraining) -> None:
-    training.out.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(asdict(training), indent=2, default=str)
-    path = training.out / SETTINGS_FILE
-    if path.exists():
-        asked, found = json.loads(text), _read_settings(training.out)
-        if other := [name for name in asked if name not in MAY_CHANGE and asked[name] != found.get(name)]:
-            raise ValueError(
-                f"`out` must hold a run with the same settings, got another `{other[0]}` in {path}"
-                "; choose another folder"
-            )
-    path.write_text(text + "\n", encoding="utf-8")
-
-
-def _read_settings(folder: Path) -> dict[str, Any]:
-    settings: dict[str, Any] = json.loads((folder / SETTINGS_FILE).read_text(encoding="utf-8"))
-    return settings

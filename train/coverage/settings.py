@@ -13,6 +13,7 @@ from anm_gym.wrappers.moves_only import MovesOnlyWrapper
 from anm_gym.wrappers.occupancy import OccupancyWrapper
 from anm_gym.wrappers.policy_view import PolicyViewWrapper
 from anm_gym.wrappers.scenes import ScenesWrapper
+from train.command import split_list
 
 ENV_ID: Final = "anm_gym:ANM/Explore-v0"
 _RANGE: Final = re.compile(r"(?P<stem>home:\w+:)(?P<first>\d+)-(?P<last>\d+)")
@@ -78,9 +79,9 @@ class CoverageTraining:
 
     out: Path = Path("runs/coverage")
     """Folder of the run; started again, it goes on."""
-    scenes: Sequence[str] = ("home:studio:100-163",)
-    """Scenes to learn in; `home:studio:100-163` stands for 64 homes."""
-    eval_scenes: Sequence[str] = ("home:studio:900-915",)
+    scenes: Sequence[str] | str = ("home:studio:100-163",)
+    """Scenes to learn in, a list or a text with commas; `home:studio:100-163` stands for 64 homes."""
+    eval_scenes: Sequence[str] | str = ("home:studio:900-915",)
     """Scenes to be tested in, which must not be among the others."""
     steps: int = 480_000
     """Steps of all environments together, rounded up to whole rounds."""
@@ -92,7 +93,7 @@ class CoverageTraining:
     """Episodes of an environment in one scene before it draws the next: making one takes time."""
     seed: int = 0
     """Seeds weights, scenes, starts and actions."""
-    baselines: Sequence[str] = ("random",)
+    baselines: Sequence[str] | str = ("random",)
     """Agents of the roster that are tested on the same starts, for comparison."""
     env: dict[str, Any] = field(
         default_factory=lambda: {"camera": {"width_px": 48, "height_px": 48}, "forward_step_m": 0.25}
@@ -106,6 +107,9 @@ class CoverageTraining:
     """How it learns."""
 
     def __post_init__(self) -> None:
+        for name in ("scenes", "eval_scenes", "baselines"):
+            if isinstance(words := getattr(self, name), str):
+                object.__setattr__(self, name, tuple(split_list([words])))
         if min(self.steps, self.round_updates, self.episode_steps, self.scene_episodes) < 1:
             raise ValueError(
                 "`steps`, `round_updates`, `episode_steps` and `scene_episodes` must be >= 1, got "

@@ -44,6 +44,27 @@ class DaggerSettings:
     max_grad_norm: float = 1.0
     """Gradients are clipped to this norm."""
 
+    def __post_init__(self) -> None:
+        if min(self.frames, self.teacher_frames) < 0:
+            raise ValueError(
+                f"`frames` and `teacher_frames` must be >= 0, got {self.frames} and {self.teacher_frames}"
+            )
+        if min(self.rollout_steps, self.segment_steps, self.segments, self.updates_per_rollout) < 1:
+            raise ValueError(
+                "`rollout_steps`, `segment_steps`, `segments` and `updates_per_rollout` must be >= 1, got "
+                f"{self.rollout_steps}, {self.segment_steps}, {self.segments} and {self.updates_per_rollout}"
+            )
+        if self.capacity_steps < self.segment_steps:
+            raise ValueError(
+                f"`capacity_steps` must be >= `segment_steps`, got {self.capacity_steps} and "
+                f"{self.segment_steps}"
+            )
+        if min(self.learning_rate, self.max_grad_norm) <= 0.0:
+            raise ValueError(
+                "`learning_rate` and `max_grad_norm` must be > 0, got "
+                f"{self.learning_rate} and {self.max_grad_norm}"
+            )
+
 
 @final
 class Replay:
@@ -77,7 +98,7 @@ class Replay:
         for key, values in observation.items():
             self.observations[key][place] = values
         self.labels[place], self.starts[place] = labels, starts
-        self.states[place] = torch.stack(state).numpy()
+        self.states[place] = torch.stack(state).cpu().numpy()
         self.steps += 1
 
     def sample(
@@ -146,9 +167,10 @@ class Dagger:
         self.frames = 0
         self._ranks = ranks or Ranks()
         self._rng = np.random.default_rng([seed, self._ranks.rank])
+        self._device = next(net.parameters()).device
         weights = torch.ones(len(Action))
         weights[STOP] = settings.stop_weight
-        self._loss = nn.CrossEntropyLoss(weights)
+        self._loss = nn.CrossEntropyLoss(weights.to(self._device))
 
     def rounds(self) -> Iterator[Round]:
         """Learn until the budget of frames is spent; yields after every round."""
@@ -182,10 +204,11 @@ class Dagger:
         self, observation: dict[str, NDArray[Any]], state: State, starts: NDArray[np.bool_]
     ) -> tuple[NDArray[np.int64], State]:
         """Sample the student's actions."""
-        tensors = {key: torch.from_numpy(values) for key, values in observation.items()}
-        outputs, state = self.net.step(tensors, state, torch.from_numpy(starts.astype(np.float32)))
+        tensors = {key: torch.from_numpy(values).to(self._device) for key, values in observation.items()}
+        begins = torch.from_numpy(starts.astype(np.float32)).to(self._device)
+        outputs, state = self.net.step(tensors, state, begins)
         noise = self._rng.gumbel(size=outputs.logits.shape)
-        return (outputs.logits.numpy() + noise).argmax(axis=1).astype(np.int64), state
+        return (outputs.logits.cpu().numpy() + noise).argmax(axis=1).astype(np.int64), state
 
     def _mix(self, choice: NDArray[np.int64], labels: NDArray[np.int64]) -> NDArray[np.int64]:
         """What is carried out: the student's choice, or the teacher's; never a stop too early."""
@@ -199,9 +222,8 @@ class Dagger:
             return float("nan")
         losses = []
         for _ in range(settings.updates_per_rollout):
-            observation, labels, state, starts = replay.sample(
-                settings.segments, settings.segment_steps, self._rng
-            )
+            sample = replay.sample(settings.segments, settings.segment_steps, self._rng)
+            observation, labels, state, starts = _on(self._device, *sample)
             loss = self._loss(self.net(observation, state, starts).logits, labels)
             self.optimizer.zero_grad()
             loss.backward()
@@ -216,3 +238,12 @@ class Dagger:
         share = 1.0 - done * (1.0 - self.settings.last_rate_share)
         for group in self.optimizer.param_groups:
             group["lr"] = self.settings.learning_rate * share
+
+
+def _on(
+    device: torch.device, observation: dict[str, Tensor], labels: Tensor, state: State, starts: Tensor
+) -> tuple[dict[str, Tensor], Tensor, State, Tensor]:
+    """What `Replay.sample` draws, moved to where the network lives."""
+    moved = {key: values.to(device) for key, values in observation.items()}
+    hidden, cell = state
+    return moved, labels.to(device), (hidden.to(device), cell.to(device)), starts.to(device)

@@ -14,6 +14,8 @@ from agents.navigator_net import NavigatorNetSettings
 from agents.teacher import GeodesicTeacher
 from anm_gym.actions import Action
 from anm_gym.envs.pointnav import PointNavEnv
+from anm_gym.scenes.procedural.tiers import TIERS
+from train.navigator.hardware import Hardware
 from train.navigator.vec_env import PointNavVecEnv
 
 FIRST_TRAINING_SEED: Final = 100_000
@@ -42,6 +44,17 @@ class DomainSettings:
     def __post_init__(self) -> None:
         if not self.tiers or min(self.tiers.values()) < 0.0 or sum(self.tiers.values()) <= 0.0:
             raise ValueError(f"`tiers` must have shares >= 0 with a positive sum, got {self.tiers}")
+        if unknown := [tier for tier in self.tiers if tier not in TIERS]:
+            raise ValueError(f"unknown tier {unknown[0]!r} in `tiers`; choose among: {', '.join(TIERS)}")
+        for name in ("forward_step_m", "sensor_height_m"):
+            values = getattr(self, name)
+            if not values or min(values) <= 0.0:
+                raise ValueError(f"`{name}` must have numbers > 0, got {values}")
+        if min(self.episodes_per_home, self.max_steps) < 1:
+            raise ValueError(
+                "`episodes_per_home` and `max_steps` must be >= 1, got "
+                f"{self.episodes_per_home} and {self.max_steps}"
+            )
 
 
 @final
@@ -80,6 +93,7 @@ class NavigationVecEnv(VecEnvWrapper):
         domain: What varies.
         num_agents: Number of agents.
         seed: Seeds homes, starts and goals.
+        hardware: What casts the rays, and where.
     """
 
     def __init__(
@@ -88,11 +102,12 @@ class NavigationVecEnv(VecEnvWrapper):
         domain: DomainSettings | None = None,
         num_agents: int = 16,
         seed: int = 0,
+        hardware: Hardware | None = None,
     ) -> None:
-        domain = domain or DomainSettings()
+        domain, hardware = domain or DomainSettings(), hardware or Hardware()
         self.teachers: list[GeodesicTeacher | None] = [None] * num_agents
         dealer = HomeDealer(domain, num_agents, seed)
-        envs = [_make_env(net, domain, index) for index in range(num_agents)]
+        envs = [_make_env(net, domain, index, hardware) for index in range(num_agents)]
         limits = [min(domain.max_steps, step_limit(env.settings.forward_step_m)) for env in envs]
         agents = PointNavVecEnv(envs, limits, dealer)
         agents.seed(seed)
@@ -169,7 +184,9 @@ def step_limit(forward_step_m: float) -> int:
     return round(LIMIT_M / forward_step_m)
 
 
-def _make_env(net: NavigatorNetSettings, domain: DomainSettings, index: int) -> PointNavEnv:
+def _make_env(
+    net: NavigatorNetSettings, domain: DomainSettings, index: int, hardware: Hardware
+) -> PointNavEnv:
     steps: Sequence[float] = domain.forward_step_m
     heights: Sequence[float] = domain.sensor_height_m
     height_m = heights[(index // len(steps)) % len(heights)]
@@ -177,4 +194,6 @@ def _make_env(net: NavigatorNetSettings, domain: DomainSettings, index: int) -> 
         "home:studio:0",
         camera={"width_px": net.image_px, "height_px": net.image_px, "sensor_height_m": height_m},
         forward_step_m=steps[index % len(steps)],
+        backend=hardware.backend,
+        device=hardware.camera_device,
     )

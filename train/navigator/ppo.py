@@ -60,6 +60,22 @@ class PpoSettings:
     value_frames: int = 40_000
     """Frames at the start in which only the critic learns (ours: imitation has not taught it)."""
 
+    def __post_init__(self) -> None:
+        if min(self.frames, self.value_frames) < 0:
+            raise ValueError(
+                f"`frames` and `value_frames` must be >= 0, got {self.frames} and {self.value_frames}"
+            )
+        if min(self.rollout_steps, self.epochs, self.minibatches) < 1:
+            raise ValueError(
+                "`rollout_steps`, `epochs` and `minibatches` must be >= 1, got "
+                f"{self.rollout_steps}, {self.epochs} and {self.minibatches}"
+            )
+        if min(self.learning_rate, self.clip_range, self.max_grad_norm) <= 0.0:
+            raise ValueError(
+                "`learning_rate`, `clip_range` and `max_grad_norm` must be > 0, got "
+                f"{self.learning_rate}, {self.clip_range} and {self.max_grad_norm}"
+            )
+
 
 @final
 class NavigatorPpo(RecurrentPPO):

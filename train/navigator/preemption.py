@@ -1,8 +1,7 @@
 """Stragglers do not hold the others up: who is late breaks its rollout off (DD-PPO)."""
 
 import os
-from dataclasses import dataclass
-from typing import final
+from typing import Final, final
 
 import torch
 from torch import distributed
@@ -10,19 +9,10 @@ from torch.distributed import TCPStore  # type: ignore[attr-defined]
 
 from train.navigator.ranks import TIMEOUT, Ranks
 
-
-@dataclass(frozen=True)
-class PreemptionSettings:
-    """When a rollout is broken off.
-
-    Source:
-        Wijmans et al., DD-PPO, ICLR 2020.
-    """
-
-    finished_share: float = 0.6
-    """Share of the processes that must have finished theirs."""
-    least_share: float = 0.25
-    """Share of its own rollout that a process has at least."""
+FINISHED_SHARE: Final = 0.6
+"""Share of the processes that must have finished their rollouts before others break theirs off (DD-PPO)."""
+LEAST_SHARE: Final = 0.25
+"""Share of its own rollout that a process has at least (DD-PPO)."""
 
 
 @final
@@ -31,12 +21,13 @@ class Preemption:
 
     Args:
         ranks: The processes; one alone is never preempted.
-        settings: When.
+
+    Source:
+        Wijmans et al., DD-PPO, ICLR 2020.
     """
 
-    def __init__(self, ranks: Ranks, settings: PreemptionSettings | None = None) -> None:
-        self._ranks, self._settings = ranks, settings or PreemptionSettings()
-        self._iteration = 0
+    def __init__(self, ranks: Ranks) -> None:
+        self._ranks, self._iteration = ranks, 0
         self._store = _open_store(ranks) if ranks.world > 1 else None
 
     def begin(self) -> None:
@@ -54,10 +45,10 @@ class Preemption:
         Args:
             done_share: Share of this process's rollout that is done.
         """
-        if self._store is None or done_share < self._settings.least_share:
+        if self._store is None or done_share < LEAST_SHARE:
             return False
         finished: int = self._store.add(self._key, 0)
-        return finished >= self._settings.finished_share * self._ranks.world
+        return finished >= FINISHED_SHARE * self._ranks.world
 
     @property
     def _key(self) -> str:

@@ -1,12 +1,16 @@
 """Settings of the navigator's training: presets of the network, variants of the homes."""
 
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, is_dataclass, replace
 from typing import Any, Final
 
 from agents.navigator_net import NavigatorNetSettings
 from train.navigator.dagger import DaggerSettings
 from train.navigator.env import DomainSettings
 from train.navigator.ppo import PpoSettings
+
+SMALLEST_IMAGE_PX: Final = 36
+"""Images that are smaller do not pass the layers of the small encoder, pixels."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +33,44 @@ class NavigatorTraining:
     """Episodes of such an evaluation, per step length."""
     seed: int = 0
     """Seeds everything."""
+
+    def __post_init__(self) -> None:
+        if min(self.num_agents, self.evaluation_every, self.evaluation_episodes) < 1:
+            raise ValueError(
+                "`num_agents`, `evaluation_every` and `evaluation_episodes` must be >= 1, got "
+                f"{self.num_agents}, {self.evaluation_every} and {self.evaluation_episodes}"
+            )
+        if self.seed < 0:
+            raise ValueError(f"`seed` must be >= 0, got {self.seed}")
+        if self.net.image_px < SMALLEST_IMAGE_PX:
+            raise ValueError(f"`net.image_px` must be >= {SMALLEST_IMAGE_PX}, got {self.net.image_px}")
+        stage = self.reinforcement
+        if not self.imitation.frames and not stage.frames:
+            raise ValueError("`imitation.frames` or `reinforcement.frames` must be > 0, got 0 and 0")
+        if stage.frames and self.num_agents % stage.minibatches:
+            raise ValueError(
+                "`num_agents` must be a multiple of `reinforcement.minibatches`, got "
+                f"{self.num_agents} and {stage.minibatches}"
+            )
+        self.require_taught_actor()
+
+    def require_taught_actor(self, processes: int = 1) -> None:
+        """Refuse a second stage that ends while the critic still learns alone.
+
+        Args:
+            processes: How many learn together: each collects a rollout before all learn from them.
+
+        Raises:
+            ValueError: If the last rollout begins before `reinforcement.value_frames`.
+        """
+        stage, rollout = self.reinforcement, processes * self.num_agents * self.reinforcement.rollout_steps
+        last_start = max(stage.frames - 1, 0) // rollout * rollout
+        if stage.frames and last_start < stage.value_frames:
+            raise ValueError(
+                "`reinforcement.frames` must leave a rollout for the actor after the "
+                f"{stage.value_frames} frames in which the critic learns alone, got {stage.frames} frames in "
+                f"rollouts of {rollout}; raise it, or lower `reinforcement.value_frames`"
+            )
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for a file."""
@@ -59,10 +101,10 @@ PRESETS: Final = {
     ),
     "quick": NavigatorTraining(
         imitation=DaggerSettings(frames=1_024, teacher_frames=512, segments=4, updates_per_rollout=1),
-        reinforcement=PpoSettings(frames=1_024, rollout_steps=64, value_frames=512),
+        reinforcement=PpoSettings(frames=1_024, rollout_steps=32, value_frames=512),
         num_agents=8,
-        evaluation_every=2_048,
-        evaluation_episodes=4,
+        evaluation_every=1_024,
+        evaluation_episodes=1,
     ),
 }
 """`mini` trains on two cores in an afternoon; `full` is DD-PPO's network and budget; `quick` only shows
@@ -72,6 +114,7 @@ that all works."""
 def training_of(
     preset: str,
     variant: str,
+    changes: Mapping[str, Any] | None = None,
     *,
     imitation_frames: int | None = None,
     reinforcement_frames: int | None = None,
@@ -83,21 +126,39 @@ def training_of(
     Args:
         preset: One of `PRESETS`.
         variant: One of `VARIANTS`.
+        changes: Fields of `NavigatorTraining` that differ from them, those of its stages in mappings of their
+            own, such as ``{"reinforcement": {"learning_rate": 1e-4}}``.
         imitation_frames: Budget of the first stage; None for the preset's.
         reinforcement_frames: Budget of the second stage; None for the preset's.
         num_agents: Agents of each process; None for the preset's.
         seed: Seeds everything.
 
     Raises:
-        ValueError: If preset or variant is unknown.
+        ValueError: If preset or variant is unknown, frames are given twice, or the settings do not fit
+            together.
     """
     for name, value, known in (("preset", preset, PRESETS), ("variant", variant, VARIANTS)):
         if value not in known:
             raise ValueError(f"unknown {name} {value!r}; choose one of: {', '.join(known)}")
-    training = replace(PRESETS[preset], domain=VARIANTS[variant], seed=seed)
-    if imitation_frames is not None:
-        training = replace(training, imitation=replace(training.imitation, frames=imitation_frames))
-    if reinforcement_frames is not None:
-        stage = replace(training.reinforcement, frames=reinforcement_frames)
-        training = replace(training, reinforcement=stage)
-    return training if num_agents is None else replace(training, num_agents=num_agents)
+    wanted = dict(changes or {})
+    for stage, frames in (("imitation", imitation_frames), ("reinforcement", reinforcement_frames)):
+        if frames is None:
+            continue
+        if "frames" in wanted.get(stage, {}):
+            raise ValueError(f"`{stage}_frames` and `{stage}.frames` must not both be given")
+        wanted[stage] = {**wanted.get(stage, {}), "frames": frames}
+    if num_agents is not None:
+        wanted["num_agents"] = num_agents
+    training: NavigatorTraining = _changed(
+        replace(PRESETS[preset], domain=VARIANTS[variant], seed=seed), wanted
+    )
+    return training
+
+
+def _changed(settings: Any, changes: Mapping[str, Any]) -> Any:
+    """Replace fields, those of dataclasses within by their own; checked once, when all are replaced."""
+    values = {}
+    for name, value in changes.items():
+        before = getattr(settings, name)
+        values[name] = _changed(before, value) if is_dataclass(before) else value
+    return replace(settings, **values)

@@ -23,7 +23,7 @@ class Ranks:
     """How many there are."""
 
     @classmethod
-    def join(cls, backend: str = "gloo") -> "Ranks":
+    def join(cls) -> "Ranks":
         """Join the processes of `torchrun`; without it there is one."""
         world = int(os.environ.get("WORLD_SIZE", "1"))
         if world == 1:
@@ -32,7 +32,7 @@ class Ranks:
             # Optimisers import this at their first step. Imported while there is a group, it holds the group
             # for ever, whose threads then outlive `leave` and now and then abort the process as it ends.
             importlib.import_module("torch._dynamo")
-            distributed.init_process_group(backend, timeout=TIMEOUT)
+            distributed.init_process_group("gloo", timeout=TIMEOUT)
         return cls(distributed.get_rank(), world)
 
     def leave(self) -> None:

@@ -5,6 +5,7 @@ import time
 from collections import deque
 from collections.abc import Iterable
 from contextlib import closing
+from copy import deepcopy
 from pathlib import Path
 from typing import Any, Final, final
 
@@ -21,6 +22,7 @@ from train.navigator.checkpoint import Progress, TrainingCheckpoint
 from train.navigator.dagger import Dagger
 from train.navigator.env import NavigationVecEnv
 from train.navigator.episodes import episodes_of, play_learned
+from train.navigator.hardware import Hardware
 from train.navigator.policy import NavigatorPolicy
 from train.navigator.ppo import NavigatorPpo
 from train.navigator.presets import NavigatorTraining
@@ -52,13 +54,23 @@ class NavigatorRun:
         training: What to do.
         folder: Where checkpoint, log and weights go.
         ranks: The processes that learn together.
+        hardware: Where the run computes; another when it goes on is no other run.
 
     Raises:
-        ValueError: If the folder holds a run with other settings.
+        ValueError: If the folder holds a run with other settings, or so many processes leave the actor
+            nothing to learn.
     """
 
-    def __init__(self, training: NavigatorTraining, folder: Path, ranks: Ranks | None = None) -> None:
-        self.training, self.folder, self.ranks = training, folder, ranks or Ranks()
+    def __init__(
+        self,
+        training: NavigatorTraining,
+        folder: Path,
+        ranks: Ranks | None = None,
+        hardware: Hardware | None = None,
+    ) -> None:
+        self.training, self.folder = training, folder
+        self.ranks, self.hardware = ranks or Ranks(), hardware or Hardware()
+        training.require_taught_actor(self.ranks.world)
         claim_folder(folder, training.as_dict(), writes=self.ranks.is_first)
         self._checkpoint = TrainingCheckpoint(folder / "checkpoint.safetensors")
         self.progress = self._checkpoint.progress() or Progress(IMITATION)
@@ -74,15 +86,17 @@ class NavigatorRun:
         if self._kept_stage == DONE:
             return load_policy(self.folder / WEIGHTS_FILE)
         torch.manual_seed(self.training.seed)
-        net = NavigatorNet(self.training.net)
+        net = NavigatorNet(self.training.net).to(self.hardware.device)
         seed = self.training.seed * 1000 + self.ranks.rank + 7919 * self.progress.frames
-        env = NavigationVecEnv(self.training.net, self.training.domain, self.training.num_agents, seed)
+        env = NavigationVecEnv(
+            self.training.net, self.training.domain, self.training.num_agents, seed, self.hardware
+        )
         with closing(self._logger()) as logger:
             if self.progress.stage == IMITATION:
                 self._imitate(net, env, logger)
-            net = self._reinforce(net, env, logger)
-        if self.ranks.is_first:
-            self._finish(net)
+            net = self._reinforce(net, env, logger).cpu()
+            if self.ranks.is_first:
+                self._finish(net, logger)
         return net
 
     def _imitate(self, net: NavigatorNet, env: NavigationVecEnv, logger: Logger) -> None:
@@ -101,7 +115,8 @@ class NavigatorRun:
                 logger.record("rollout/success_rate", _mean(recent, "is_success"))
                 logger.record("rollout/spl", _mean(recent, "spl"))
                 self.after_round(net, dagger.optimizer, step.frames, logger)
-        self.progress.stage, self.progress.frames = REINFORCEMENT, 0
+        if self.training.reinforcement.frames:
+            self.progress.stage, self.progress.frames = REINFORCEMENT, 0
 
     def _reinforce(self, net: NavigatorNet, env: NavigationVecEnv, logger: Logger) -> NavigatorNet:
         settings = self.training.reinforcement
@@ -109,7 +124,12 @@ class NavigatorRun:
             return net
         monitored = VecMonitor(env, info_keywords=("is_success", "spl"))
         model = NavigatorPpo(
-            monitored, self.training.net, settings, self.ranks, self.training.seed, device="cpu"
+            monitored,
+            self.training.net,
+            settings,
+            self.ranks,
+            self.training.seed,
+            device=self.hardware.device,
         )
         if self._kept_stage == REINFORCEMENT:
             self._checkpoint.restore(model.policy, model.policy.optimizer)
@@ -122,6 +142,7 @@ class NavigatorRun:
             watch = _Watch(self, bar)
             left = max(settings.frames - self.progress.frames, 0)
             model.learn(left, callback=watch, reset_num_timesteps=False)
+        self.progress.frames = model.num_timesteps
         return model.policy.as_net()
 
     def after_round(
@@ -138,10 +159,7 @@ class NavigatorRun:
         self.progress.cpu_s = self._cpu_before_s + time.process_time()
         every = self.training.evaluation_every
         if before // every != frames // every:
-            point = self.evaluate(module if isinstance(module, NavigatorNet) else module.as_net())
-            self.progress.curve.append({"stage": self.progress.stage, "frames": frames, **point})
-            for name, value in point.items():
-                logger.record(f"eval/{name}", value)
+            self._add_point(module if isinstance(module, NavigatorNet) else module.as_net(), logger)
         if self.progress.stage == IMITATION:
             logger.dump(frames)
         if time.monotonic() - self._saved_s > SAVE_S:
@@ -149,7 +167,9 @@ class NavigatorRun:
             self._checkpoint.save(module, optimizer, self.progress)
 
     def evaluate(self, net: NavigatorNet) -> dict[str, float]:
-        """Success and SPL on homes that were never trained on, actions drawn."""
+        """Success and SPL on homes that were never trained on, actions drawn, on the CPU."""
+        if self.hardware.device != "cpu":
+            net = deepcopy(net).cpu()
         point: dict[str, float] = {}
         for step_m in EVALUATION_STEPS_M:
             episodes = episodes_of(EVALUATION_HOMES, self.training.evaluation_episodes, step_m)
@@ -158,12 +178,25 @@ class NavigatorRun:
             point[f"spl_{step_m}"] = float(np.mean([result["spl"] for result in results]))
         return point
 
-    def _finish(self, net: NavigatorNet) -> None:
+    def _add_point(self, net: NavigatorNet, logger: Logger) -> None:
+        """Evaluate, and note the point in curve and log."""
+        point = self.evaluate(net)
+        self.progress.curve.append({"stage": self.progress.stage, "frames": self.progress.frames, **point})
+        for name, value in point.items():
+            logger.record(f"eval/{name}", value)
+
+    def _finish(self, net: NavigatorNet, logger: Logger) -> None:
+        last = self.progress.curve[-1:]
+        now = (self.progress.stage, self.progress.frames)
+        if now not in [(point["stage"], point["frames"]) for point in last]:
+            self._add_point(net, logger)
+            logger.dump(self.progress.frames)
         self.progress.cpu_s = self._cpu_before_s + time.process_time()
         save_policy(net, self.folder / WEIGHTS_FILE)
         card = {
             "training": self.training.as_dict(),
             "processes": self.ranks.world,
+            "hardware": self.hardware.as_dict(),
             "cpu_s": round(self.progress.cpu_s),
             "curve": self.progress.curve,
             "versions": versions(),

@@ -108,7 +108,7 @@ def test_finished_run_can_be_prolonged_but_not_changed(trained, tmp_path):
     training = replace(TINY, out=tmp_path, steps=32)
     CoverageRun(training).train()
     assert is_equal_after_more(training, trained)
-    with pytest.raises(ValueError, match="`out` must hold a run with the same settings, got another `seed`"):
+    with pytest.raises(ValueError, match="hold a run with the same settings, got another `seed` in"):
         CoverageRun(replace(training, seed=1))
 
 
@@ -156,7 +156,7 @@ def test_command_reads_configuration_and_options(tmp_path, capsys):
         "--out",
         str(tmp_path / "run"),
         "--json",
-        str(tmp_path / "curve.json"),
+        str(tmp_path / "new" / "curve.json"),
     ]
     small = ["--view.map_px", "28", "--env", '{"camera": {"width_px": 16, "height_px": 16}}']
     shape = [
@@ -169,12 +169,18 @@ def test_command_reads_configuration_and_options(tmp_path, capsys):
         "--round_updates",
         "1",
     ]
-    where = ["--scenes", '["home:studio:1"]', "--eval_scenes", '["home:studio:2"]', "--episode_steps", "8"]
+    where = ["--scenes", "home:studio:1", "--eval-scenes", '["home:studio:2"]', "--episode-steps", "8"]
     main([*arguments, *small, *shape, *where])
     settings = json.loads((tmp_path / "run" / "settings.json").read_text())
+    assert (settings["scenes"], settings["eval_scenes"]) == (["home:studio:1"], ["home:studio:2"])
     assert (settings["reward"]["collision"], settings["learner"]["rollout_steps"]) == (0.5, 8)
-    assert len(json.loads((tmp_path / "curve.json").read_text())["curve"]) == 2
+    assert len(json.loads((tmp_path / "new" / "curve.json").read_text())["curve"]) == 2
     assert "floor seen (%)" in capsys.readouterr().out
+
+
+def test_lists_may_be_a_text_with_commas():
+    training = replace(TINY, scenes="home:studio:1-2,home:studio:5", baselines="")
+    assert (training.scenes, training.baselines) == (("home:studio:1-2", "home:studio:5"), ())
 
 
 def test_settings_survive_json():

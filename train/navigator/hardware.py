@@ -1,0 +1,30 @@
+"""Where a training run computes: apart from its settings, since a run may go on elsewhere."""
+
+from dataclasses import asdict, dataclass
+
+from anm_gym.map.numerics import usable_device
+from anm_gym.sim.backends import BACKENDS
+
+
+@dataclass(frozen=True)
+class Hardware:
+    """What the networks learn on, and what draws the depth images of training."""
+
+    device: str = "cpu"
+    """Where the networks live: `cpu`, `cuda` or `cuda:1`."""
+    backend: str = "embree"
+    """What casts the rays: `embree` on the CPU, or `warp` on the device."""
+
+    def __post_init__(self) -> None:
+        usable_device(self.device)
+        if self.backend not in BACKENDS:
+            raise ValueError(f"unknown backend {self.backend!r}; choose one of: {', '.join(BACKENDS)}")
+
+    @property
+    def camera_device(self) -> str:
+        """Where the rays are cast."""
+        return self.device if self.backend == "warp" else "cpu"
+
+    def as_dict(self) -> dict[str, str]:
+        """Plain values for a file."""
+        return asdict(self)
