@@ -9,7 +9,6 @@ measured for the whole field and for its network alone, as grids do not forget.
 """
 
 import argparse
-import json
 from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
@@ -26,7 +25,7 @@ from benchmarks.recordings import Recording, record
 from train.command import run_command, split_list
 from train.plots import Curve, figure, plot_curves
 from train.pool import prepare_worker
-from train.results import Row
+from train.results import Row, write_json
 
 PRESETS = "best,best+uniform_replay,best+no_replay"
 FIRST_SHARE = 0.1
@@ -157,7 +156,7 @@ def main() -> None:
     print(format_table(rows))
     print(f"picture: {draw(rows, arguments.out / 'forgetting.png')}")
     if arguments.json:
-        arguments.json.write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")
+        write_json(arguments.json, rows)
 
 
 if __name__ == "__main__":

@@ -8,7 +8,6 @@ maps learn.
 """
 
 import argparse
-import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -25,7 +24,7 @@ from benchmarks.recordings import Recording, record
 from train.command import run_command, split_list
 from train.plots import tradeoff_figure
 from train.pool import prepare_worker
-from train.results import Row, append_row
+from train.results import Row, append_row, write_json
 
 PRESETS = "paper,released,fast,best"
 SCENES = "home:studio:11,home:flat:11,home:house:11"
@@ -210,7 +209,7 @@ def main() -> None:
     print(f"picture: {draw(rows, arguments.out / 'mapping.png')}")
     if arguments.json:
         plain = [{key: None if _is_nan(value) else value for key, value in row.items()} for row in rows]
-        arguments.json.write_text(json.dumps(plain, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+        write_json(arguments.json, plain)
 
 
 if __name__ == "__main__":

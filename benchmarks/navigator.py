@@ -11,7 +11,6 @@ fourth action is STOP, and those of one that has learned not to. Also printed: w
 """
 
 import argparse
-import json
 import os
 import subprocess
 import sys
@@ -35,10 +34,13 @@ from train.navigator.env import DomainSettings, NavigationVecEnv
 from train.navigator.policy import NavigatorExtractor
 from train.navigator.ppo import NavigatorPpo, PpoSettings
 from train.navigator.ranks import Ranks
+from train.results import write_json
 
 NUM_AGENTS: Final = 16
 ROLLOUT_STEPS: Final = 128
 QUICK_ROLLOUT_STEPS: Final = 32
+PROCESSES: Final = (1, 2)
+"""Numbers of processes of `weak_scaling`."""
 EPISODES: Final = {"short": 0.0, "long": 4.0}
 """How much less likely than the other actions STOP is made at first, as a difference of logits."""
 DOMAIN: Final = DomainSettings(tiers={"studio": 1.0}, episodes_per_home=1000)
@@ -157,7 +159,7 @@ def _timed(method: Callable[..., Any], parts: dict[str, float], name: str) -> Ca
 
 def weak_scaling(rollouts: int) -> dict[str, float]:
     """Frames per wall second of one process and of two, each with its own agents."""
-    return {str(count): _frames_per_s(count, rollouts) for count in (1, 2)}
+    return {str(count): _frames_per_s(count, rollouts) for count in PROCESSES}
 
 
 def _frames_per_s(processes: int, rollouts: int) -> float:
@@ -214,11 +216,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
         rows += [measure(variant, episodes, rollouts, steps) for variant in VARIANTS]
         for row in rows[-len(VARIANTS) :]:
             print(compare(rows[-len(VARIANTS)], row))
-    scaling = {} if options.quick else weak_scaling(rollouts)
-    for processes, rate in scaling.items():
-        print(f"{processes} process(es): {rate:.0f} frames per second")
+    scaling: dict[str, float | None] = dict.fromkeys(map(str, PROCESSES))
+    if not options.quick:
+        scaling |= weak_scaling(rollouts)
+        for processes, rate in scaling.items():
+            print(f"{processes} process(es): {rate:.0f} frames per second")
     if options.json is not None:
-        options.json.write_text(json.dumps({"rows": rows, "frames_per_s": scaling}, indent=2) + "\n")
+        write_json(options.json, {"rows": rows, "frames_per_s": scaling})
 
 
 if __name__ == "__main__":

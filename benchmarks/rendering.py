@@ -8,7 +8,6 @@ machine falls on both alike.
 """
 
 import argparse
-import json
 import statistics
 import time
 from collections.abc import Callable
@@ -26,6 +25,7 @@ from anm_gym.scenes.catalog import make_scene
 from anm_gym.scenes.scene import Scene
 from anm_gym.sim.backends import make_depth_camera
 from anm_gym.sim.traversable import TraversableGrid
+from train.results import write_json
 
 TARGET_RATIO = 1.05
 """A frame may cost this many times bare Embree."""
@@ -110,7 +110,7 @@ def main() -> None:
     print(f"ratio {result.ratio:.3f} (target <= {TARGET_RATIO}: {verdict})")
     print(f"largest difference {result.max_difference_mm:.4f} mm")
     if arguments.json:
-        arguments.json.write_text(json.dumps(asdict(result), indent=2) + "\n", encoding="utf-8")
+        write_json(arguments.json, asdict(result))
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ per step of way shows per step, as a share of what the best view shows.
 """
 
 import argparse
-import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -33,7 +32,7 @@ from train.command import run_command, scene_label, split_list
 from train.episodes import make_env, scene_of
 from train.figures.map_probe import still_copy
 from train.pool import prepare_worker
-from train.results import Row
+from train.results import Row, write_json
 
 SCENES: Final = "home:flat:34,home:flat:35,home:house:34,home:maze:34"
 STEPS: Final = 500
@@ -212,7 +211,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             rows += compare(scene, options.steps, bar)
     print(format_table(rows))
     if options.json:
-        options.json.write_text(json.dumps(rows, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+        write_json(options.json, rows)
 
 
 if __name__ == "__main__":

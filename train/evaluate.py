@@ -15,6 +15,7 @@ from train.command import parse_seeds, run_command, scene_label, split_list
 from train.episodes import Job, play, split_agent
 from train.play import DEFAULT_BACKEND, add_backend_options, backend_of, play_missing, report_failures
 from train.provenance import versions
+from train.quick import ENV_OPTIONS, STEPS, add_quick_option, parse_quick
 from train.report import write_report
 from train.results import Row, write_json
 from train.tables.comparison import make_table
@@ -94,7 +95,16 @@ def evaluate(
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command."""
-    options = _parser().parse_args(arguments)
+    options = parse_quick(
+        _parser(),
+        arguments,
+        scenes=["home:studio:1"],
+        seeds=["2"],
+        steps=STEPS,
+        env=ENV_OPTIONS,
+        maps=False,
+        out="runs/evaluation-quick",
+    )
     evaluation = Evaluation(
         agents=split_list(options.agents),
         scenes=split_list(options.scenes),
@@ -134,6 +144,7 @@ def _parser() -> ArgumentParser:
     add("--maps", action=ActionYesNo(yes_prefix="", no_prefix="no-"), default=True, help="score neural maps")
     add("--pictures", action=ActionYesNo(yes_prefix="", no_prefix="no-"), default=True, help="draw episodes")
     add("--json", default=None, help="write the printed table to this file")
+    add_quick_option(parser, f"a small home, two seeds, {STEPS} steps, maps without a score")
     return parser
 
 

@@ -4,11 +4,13 @@ Command: ``python -m train.explore --scene house.glb --agent anm:best --out runs
 """
 
 import json
+from collections.abc import Sequence
+from inspect import signature
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from jsonargparse import auto_cli
+from jsonargparse import ArgumentParser
 from tqdm import tqdm
 
 from anm_gym.map.checkpoint import save_map
@@ -21,6 +23,7 @@ from train.pictures import save_picture, write_montage, write_topdown
 from train.plots import Curve, completion_figure
 from train.pool import prepare_worker
 from train.provenance import versions
+from train.quick import ENV_OPTIONS, STEPS, add_quick_option, parse_quick
 from train.reconstruction import CUT_ABOVE_FLOOR_M, dollhouse_picture, save_ply
 from train.recorder import Progress, find_attribute
 from train.results import Row, write_json
@@ -88,9 +91,19 @@ def summary(row: Row) -> list[tuple[str, str]]:
     return pairs
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command and print a short table."""
-    row = auto_cli(explore, as_positional=False)
+    parser = ArgumentParser(prog="python -m train.explore", description=__doc__.splitlines()[0])
+    parser.add_function_arguments(explore, as_positional=False)
+    parser.add_argument(
+        "--json", type=Path | None, default=None, help="write the episode's row to this file too"
+    )
+    add_quick_option(parser, f"{STEPS} steps with a small camera")
+    options = parse_quick(parser, arguments, steps=STEPS, env=ENV_OPTIONS)
+    chosen = options.as_dict()
+    row = explore(**{name: chosen[name] for name in signature(explore).parameters})
+    if options.json is not None:
+        write_json(options.json, row)
     for heading, value in summary(row):
         print(f"{heading:<22}{value:>14}")
     for repair in row["repairs"]:

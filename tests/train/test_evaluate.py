@@ -149,6 +149,18 @@ def run_tiny(room_file, out, *options):
     main([*scene, "--agents", "random,fbe", "--out", str(out), *options])
 
 
+def test_quick_command_has_the_keys_of_a_full_one(tmp_path, room_file):
+    found = []
+    for number, options in enumerate([["--quick"], ["--steps", "8", "--env", TINY_CAMERA]]):
+        out, table = tmp_path / f"run{number}", tmp_path / f"{number}.json"
+        where = ["--scenes", str(room_file), "--out", str(out), "--json", str(table)]
+        main([*options, *where, "--agents", "random", "--seeds", "1", "--workers", "0"])
+        found.append(json.loads(table.read_text()))
+    (quick,), (full,) = (table["agents"] for table in found)
+    assert (found[0].keys(), quick.keys()) == (found[1].keys(), full.keys())
+    assert read_rows(tmp_path / "run0" / ROWS_FILE)[0]["steps"] == 12
+
+
 def test_command_writes_rows_table_and_a_self_contained_report(tmp_path, room_file, capsys):
     run_tiny(room_file, tmp_path / "run", "--workers", "0", "--json", str(tmp_path / "table.json"))
     rows = read_rows(tmp_path / "run" / ROWS_FILE)

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from train.explore import MAP_FILE, SURFACE_FILE, SURFACE_PICTURE, explore, summary
+from train.explore import MAP_FILE, SURFACE_FILE, SURFACE_PICTURE, explore, main, summary
 from train.replay import main as replay_main
 from train.replay import replay
 from train.trajectory import Trajectory
@@ -117,3 +117,13 @@ def test_agent_without_a_map_leaves_none_of_another_agent(room_file, tmp_path):
         (tmp_path / name).write_bytes(b"of an earlier episode")
     explore(str(room_file), "random", steps=2, out=tmp_path, env=CAMERA)
     assert not {MAP_FILE, SURFACE_FILE, SURFACE_PICTURE} & {path.name for path in tmp_path.iterdir()}
+
+
+def test_quick_command_plays_a_few_steps_and_writes_its_row(room_file, tmp_path, capsys):
+    out, row = tmp_path / "run", tmp_path / "new" / "row.json"
+    main(["--scene", str(room_file), "--agent", "random", "--out", str(out), "--quick", "--json", str(row)])
+    assert json.loads(row.read_text())["steps"] == 12
+    assert "Comp. (%)" in capsys.readouterr().out
+    assert json.loads((out / "settings.json").read_text())["env"]["camera"]["width_px"] == 48
+    main(["--scene", str(room_file), "--agent", "random", "--out", str(out), "--quick", "--steps", "3"])
+    assert json.loads((out / "row.json").read_text())["steps"] == 3

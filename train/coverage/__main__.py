@@ -19,6 +19,7 @@ from train.coverage.settings import CoverageTraining
 from train.learning_curve import learning_curve_figure
 from train.option_names import spell_with_dashes
 from train.provenance import versions
+from train.results import write_json
 
 
 def train_explorer(training: CoverageTraining) -> dict[str, Any]:
@@ -80,9 +81,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print(f"{name:>10}{value_pct:>16.1f}")
     print(f"{result['cpu_s']:.0f} CPU seconds; curve: {result['figure']}")
     if options["json"]:
-        path = Path(options["json"])
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+        write_json(Path(options["json"]), result)
 
 
 def _mean(values: Any) -> float:

@@ -18,7 +18,7 @@ from train.navigator.driven import play_driven
 from train.navigator.episodes import NavigationEpisode, episodes_of, play_learned
 from train.pool import run_jobs
 from train.provenance import digest, versions
-from train.results import append_row
+from train.results import append_row, write_json
 from train.tables.text import aligned
 
 IMAGE_PX: Final = 64
@@ -100,8 +100,7 @@ def compare_navigators(comparison: NavigationComparison, json_path: Path | None 
     lines = [line for name in comparison.navigators for line in _lines(name, wanted)]
     print("\n".join([*_as_text(lines), *_other_code(wanted)]))
     if json_path is not None:
-        json_path.parent.mkdir(parents=True, exist_ok=True)
-        json_path.write_text(json.dumps(lines, indent=2) + "\n", encoding="utf-8")
+        write_json(json_path, lines)
     return lines
 
 

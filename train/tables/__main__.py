@@ -13,6 +13,7 @@ from jsonargparse import ActionYesNo, ArgumentParser
 
 from agents.roster import ROSTER
 from anm_gym.scenes.datasets import ROOT_VARIABLE
+from train import quick
 from train.command import parse_seeds, run_command, split_list
 from train.episodes import split_agent
 from train.play import add_backend_options, backend_of, report_failures
@@ -22,7 +23,7 @@ from train.results import Row, write_json
 from train.tables.measures import agent_name
 from train.tables.result import format_result, make_result, result_as_json
 from train.tables.rosters import TABLES
-from train.tables.run import QUICK_OPTIONS, QUICK_SEEDS, QUICK_STEPS, TableRun, play_table
+from train.tables.run import QUICK_SEEDS, TableRun, play_table
 
 DEFAULT_SEEDS: Final = 5
 """Starts per scene: a single one tells nothing of what luck does."""
@@ -92,7 +93,7 @@ def _run_of(options: Any, agents: Sequence[str]) -> TableRun:
         protocol,
         seeds,
         Path(options.out or Path("runs") / options.table / name),
-        QUICK_OPTIONS | given if options.quick else given,
+        quick.ENV_OPTIONS | given if options.quick else given,
         options.pictures,
         with_maps=not options.quick or "mad_cm" in TABLES[options.table].native,
     )
@@ -104,7 +105,7 @@ def _protocol_of(options: Any) -> Protocol:
         protocol = protocol.only(split_list(options.scenes))
     elif options.quick:
         protocol = replace(protocol, scenes=protocol.scenes[:1])
-    steps = QUICK_STEPS if options.quick and options.steps is None else options.steps
+    steps = quick.STEPS if options.quick and options.steps is None else options.steps
     return protocol if steps is None else protocol.shortened(steps)
 
 
@@ -139,7 +140,7 @@ def _parser() -> ArgumentParser:
     add("--env", type=dict | None, default=None, help="arguments of the environment, such as a camera")
     add("--pictures", action=ActionYesNo(yes_prefix="", no_prefix="no-"), default=True, help="draw episodes")
     add("--json", default=None, help="write the table to this file too")
-    add("--quick", action="store_true", help=f"one scene, {QUICK_STEPS} steps, a seed or two")
+    add("--quick", action="store_true", help=f"one scene, {quick.STEPS} steps, a seed or two")
     add_backend_options(parser)
     return parser
 

@@ -13,12 +13,8 @@ from train.provenance import versions
 from train.results import Row, write_json
 from train.starts import StartTable, starts_for
 
-QUICK_STEPS: Final = 12
-"""Budget of `--quick`."""
 QUICK_SEEDS: Final = {"table1": (0, 1), "table2": (0,)}
 """Seeds of `--quick`: two have an interval, but scoring the maps of Table 2 takes too long for two."""
-QUICK_OPTIONS: Final = {"camera": {"width_px": 48, "height_px": 48}}
-"""Arguments of the environment under `--quick`."""
 
 
 @dataclass(frozen=True)
