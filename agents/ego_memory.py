@@ -63,6 +63,11 @@ class EgoMemorySettings:
     """A forward step was cut short if it went less than this share of its length."""
 
     def __post_init__(self) -> None:
+        if len(self.behind_share) != len(self.cell_m):
+            raise ValueError(
+                f"`behind_share` must have one number for each of {len(self.cell_m)} maps, "
+                f"got {self.behind_share}"
+            )
         widest = max(self.crop_cells, self.wave.window_cells, self.way_out.window_cells)
         if self.grid_cells & (self.grid_cells - 1) or self.grid_cells < widest:
             raise ValueError(

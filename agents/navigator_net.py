@@ -28,8 +28,10 @@ NUM_PLANES: Final = len(FLAGS) + 3
 """Planes of each map: its flags and three distances to the goal."""
 GOAL_SCALE_M: Final = 10.0
 """Distances are divided by this before they enter the network, metres."""
-FORMER_WAVE_KEYS: Final = ("max_rounds",)
-"""What files may still say of the wave, and nobody asks any more."""
+SMALLEST_CROP: Final = 16
+"""Maps with fewer rows do not pass the layers of their encoder, cells."""
+FORMER_KEYS: Final = frozenset({"max_rounds"})
+"""What files may still say of waves, and nobody asks any more."""
 WORK_WINDOW_CELLS: Final = 160
 """Window of the wave when a trained network is used: 32 m instead of 10 m, as wide as homes are."""
 WORK_BLOCKED_COST: Final = 200.0
@@ -57,6 +59,12 @@ class NavigatorNetSettings:
     def __post_init__(self) -> None:
         if self.vision not in {"small", *BLOCKS}:
             raise ValueError(f"`vision` must be one of small, {', '.join(BLOCKS)}, got {self.vision!r}")
+        if self.uses_maps and self.memory.crop_cells < SMALLEST_CROP:
+            raise ValueError(f"`crop_cells` must be >= {SMALLEST_CROP}, got {self.memory.crop_cells}")
+        if min(self.lstm_size, self.lstm_layers) < 1:
+            raise ValueError(
+                f"`lstm_size` and `lstm_layers` must be >= 1, got {self.lstm_size} and {self.lstm_layers}"
+            )
 
     @classmethod
     def read(cls, values: Mapping[str, Any]) -> "NavigatorNetSettings":
@@ -64,9 +72,8 @@ class NavigatorNetSettings:
         memory: dict[str, Any] = {
             key: tuple(value) if isinstance(value, list) else value for key, value in values["memory"].items()
         }
-        wave = {key: value for key, value in memory["wave"].items() if key not in FORMER_WAVE_KEYS}
-        memory["wave"] = GoalWaveSettings(**wave)
-        memory["way_out"] = WayOutSettings(**memory.get("way_out", {}))
+        memory["wave"] = GoalWaveSettings(**_without_former(memory["wave"]))
+        memory["way_out"] = WayOutSettings(**_without_former(memory.get("way_out", {})))
         return cls(**{**values, "memory": EgoMemorySettings(**memory)})
 
     def at_work(self) -> "NavigatorNetSettings":
@@ -85,6 +92,10 @@ class NavigatorNetSettings:
     def as_dict(self) -> dict[str, Any]:
         """Plain values for a file."""
         return asdict(self)
+
+
+def _without_former(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in values.items() if key not in FORMER_KEYS}
 
 
 class Outputs(NamedTuple):

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from jsonargparse import ActionYesNo, ArgumentParser
+from jsonargparse import ArgumentParser
 from tqdm import tqdm
 
 from anm_gym.envs.episode_files import write_episodes
@@ -18,8 +18,11 @@ from anm_gym.envs.goals import GoalRange
 from anm_gym.envs.options import read_names
 from anm_gym.envs.pointnav_episodes import PointNavEpisode, draw_episodes
 from train.command import run_command, split_list
+from train.quick import add_quick_option, parse_quick
 from train.results import write_json
 
+OUT: Final = "runs/pointnav"
+"""Folder of the dataset, if no other is given."""
 QUICK_EPISODES: Final = 3
 """Episodes in each scene under `--quick`."""
 
@@ -109,10 +112,10 @@ def write_dataset(dataset: Dataset) -> dict[str, Any]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command and print a line for each scene."""
-    options = _parser().parse_args(arguments)
+    options = parse_quick(_parser(), arguments, episodes=QUICK_EPISODES, out=f"{OUT}-quick")
     dataset = Dataset(
         scenes=split_list(options.scenes),
-        episodes=QUICK_EPISODES if options.quick else options.episodes,
+        episodes=options.episodes,
         seed=options.seed,
         split=options.split,
         out=Path(options.out),
@@ -139,13 +142,12 @@ def _parser() -> ArgumentParser:
     add("--episodes", type=int, default=100, help="episodes in each scene")
     add("--seed", type=int, default=0, help="seed of the draws")
     add("--split", default="val", help="name of the split")
-    add("--out", default="runs/pointnav", help="folder of the dataset")
+    add("--out", default=OUT, help="folder of the dataset")
     add("--scenes_dir", default=".", help="folder of the mesh files")
     add("--scene_options", type=dict | None, default=None, help="keywords for mesh files, such as up_axis")
     add("--min_distance_m", type=float, default=1.0, help="shortest geodesic distance, metres")
     add("--max_distance_m", type=float, default=30.0, help="longest geodesic distance, metres")
-    yes_or_no = ActionYesNo(yes_prefix="", no_prefix="no-")
-    add("--quick", action=yes_or_no, default=False, help=f"only {QUICK_EPISODES} episodes in each scene")
+    add_quick_option(parser, f"{QUICK_EPISODES} episodes in each scene, in a folder of their own")
     add("--json", default=None, help="write the printed table to this file")
     return parser
 

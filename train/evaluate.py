@@ -15,7 +15,7 @@ from train.command import parse_seeds, run_command, scene_label, split_list
 from train.episodes import Job, play, split_agent
 from train.play import DEFAULT_BACKEND, add_backend_options, backend_of, play_missing, report_failures
 from train.provenance import versions
-from train.quick import ENV_OPTIONS, STEPS, add_quick_option, parse_quick
+from train.quick import STEPS, add_quick_option, env_options, parse_quick
 from train.report import write_report
 from train.results import Row, write_json
 from train.tables.comparison import make_table
@@ -101,7 +101,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         scenes=["home:studio:1"],
         seeds=["2"],
         steps=STEPS,
-        env=ENV_OPTIONS,
         maps=False,
         out="runs/evaluation-quick",
     )
@@ -111,7 +110,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         seeds=parse_seeds(options.seeds),
         steps=options.steps,
         out=Path(options.out),
-        env_options=options.env or {},
+        env_options=env_options(options),
         with_maps=options.maps,
         with_pictures=options.pictures,
     )

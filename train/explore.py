@@ -23,7 +23,7 @@ from train.pictures import save_picture, write_montage, write_topdown
 from train.plots import Curve, completion_figure
 from train.pool import prepare_worker
 from train.provenance import versions
-from train.quick import ENV_OPTIONS, STEPS, add_quick_option, parse_quick
+from train.quick import STEPS, add_quick_option, env_options, parse_quick
 from train.reconstruction import CUT_ABOVE_FLOOR_M, dollhouse_picture, save_ply
 from train.recorder import Progress, find_attribute
 from train.results import Row, write_json
@@ -58,7 +58,7 @@ def explore(
     Returns:
         The episode's row.
     """
-    folder = out or Path("runs") / f"explore-{scene_label(scene).replace(':', '-')}"
+    folder = out or default_folder(scene)
     prepare_worker()
     job = Job(*split_agent(agent), scene, seed, steps, folder, env or {})
     folder.mkdir(parents=True, exist_ok=True)  # now rather than after the episode
@@ -73,6 +73,11 @@ def explore(
     _write_report(job, episode, pictures)
     episode.env.close()
     return episode.row | {"report": str(folder / "report.html")}
+
+
+def default_folder(scene: str) -> Path:
+    """Where the results of a scene go."""
+    return Path("runs") / f"explore-{scene_label(scene).replace(':', '-')}"
 
 
 def summary(row: Row) -> list[tuple[str, str]]:
@@ -94,14 +99,17 @@ def summary(row: Row) -> list[tuple[str, str]]:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command and print a short table."""
     parser = ArgumentParser(prog="python -m train.explore", description=__doc__.splitlines()[0])
+    parser.add_argument("--config", action="config", help="YAML file with any of these options")
     parser.add_function_arguments(explore, as_positional=False)
     parser.add_argument(
         "--json", type=Path | None, default=None, help="write the episode's row to this file too"
     )
     add_quick_option(parser, f"{STEPS} steps with a small camera")
-    options = parse_quick(parser, arguments, steps=STEPS, env=ENV_OPTIONS)
-    chosen = options.as_dict()
-    row = explore(**{name: chosen[name] for name in signature(explore).parameters})
+    options = parse_quick(parser, arguments, steps=STEPS)
+    chosen = {name: options[name] for name in signature(explore).parameters}
+    if options.quick and options.out is None:
+        chosen["out"] = Path(f"{default_folder(options.scene)}-quick")
+    row = explore(**(chosen | {"env": env_options(options)}))
     if options.json is not None:
         write_json(options.json, row)
     for heading, value in summary(row):

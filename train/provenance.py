@@ -22,8 +22,8 @@ PACKAGES: Final = ("anm-gym", "gymnasium", "numpy", "scipy", "torch", "embreex")
 """Packages whose version can change a number."""
 ROOT: Final = Path(__file__).resolve().parents[1]
 """The checkout that holds this file, where it is one."""
-CODE: Final = ("anm_gym", "agents", "train")
-"""Folders whose changes can change a number; the rows that an evaluation adds to `results` cannot."""
+CODE: Final = ("anm_gym", "agents", "train", ":!agents/weights/*.json")
+"""What can change a number, as git names it: not the rows in `results`, nor what is said of weights."""
 
 _GRID_SHIFT: Final = 0.3183
 _NOT_SETTINGS: Final = frozenset(
@@ -111,12 +111,13 @@ def _plain(value: Any) -> Any:
 
 
 def commit_of(root: Path) -> str:
-    """Commit of a checkout, with a + where its code was changed; empty outside of one."""
+    """Last commit that changed a checkout's code, with a + if that was changed since; empty elsewhere."""
     if not (root / ".git").exists() or which("git") is None:
         return ""
     git = ["git", "-C", str(root)]
-    head = subprocess.run([*git, "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False)
-    if head.returncode != 0:
+    last = [*git, "log", "-1", "--format=%h", "--", *CODE]
+    head = subprocess.run(last, capture_output=True, text=True, check=False)
+    if head.returncode != 0 or not head.stdout.strip():
         return ""
     differs = subprocess.run([*git, "diff", "--quiet", "HEAD", "--", *CODE], capture_output=True, check=False)
     return head.stdout.strip() + ("+" if differs.returncode != 0 else "")

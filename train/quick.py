@@ -1,10 +1,11 @@
 """`--quick`: the same command within a minute, with the same keys; its numbers mean nothing."""
 
-from collections.abc import Sequence
-from typing import Any, Final
+from collections.abc import Callable, Sequence
+from typing import Any, Final, TypeVar
 
 from jsonargparse import ActionYesNo, ArgumentParser
 
+T = TypeVar("T")
 STEPS: Final = 12
 """Budget of an episode."""
 ENV_OPTIONS: Final = {"camera": {"width_px": 48, "height_px": 48}}
@@ -22,6 +23,11 @@ def add_quick_option(parser: ArgumentParser, what: str) -> None:
     parser.add_argument("--quick", action=flag, default=False, help=f"{what}, but for what is given")
 
 
+def env_options(options: Any) -> dict[str, Any]:
+    """Arguments of the environment that a command was given, with `ENV_OPTIONS` below them if it is quick."""
+    return (ENV_OPTIONS if options.quick else {}) | (options.env or {})
+
+
 def parse_quick(parser: ArgumentParser, arguments: Sequence[str] | None, **quick: Any) -> Any:
     """Read a command line; under `--quick`, what is not given is that of a quick run.
 
@@ -35,3 +41,18 @@ def parse_quick(parser: ArgumentParser, arguments: Sequence[str] | None, **quick
         parser.set_defaults(quick)
         options = parser.parse_args(arguments)
     return options
+
+
+def parse_quick_settings(
+    parser_of: Callable[[T], ArgumentParser], full: T, quick: T, arguments: Sequence[str] | None
+) -> Any:
+    """Read a command line whose defaults are settings, under `--quick` those of a quick run.
+
+    Args:
+        parser_of: Makes the command's parser from its defaults.
+        full: The defaults.
+        quick: Those of a quick run.
+        arguments: Words of the command line; None for those of the process.
+    """
+    options = parser_of(full).parse_args(arguments)
+    return parser_of(quick).parse_args(arguments) if options.quick else options

@@ -58,4 +58,8 @@ def usable_device(name: str) -> torch.device:
         ) from error
     if device.type == "cuda" and not torch.cuda.is_available():
         raise ValueError(f"`device` must be one of this machine's, got {name!r} without a CUDA device")
+    if device.type == "cuda" and (device.index or 0) >= torch.cuda.device_count():
+        raise ValueError(
+            f"`device` must be one of this machine's {torch.cuda.device_count()} CUDA devices, got {name!r}"
+        )
     return device

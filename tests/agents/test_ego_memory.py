@@ -88,6 +88,11 @@ def test_agents_have_memories_of_their_own_and_can_forget() -> None:
     assert memory.crops(both)[1].any()
 
 
+def test_every_map_says_how_much_of_it_lies_behind() -> None:
+    with pytest.raises(ValueError, match="`behind_share` must have one number for each of 2 maps"):
+        EgoMemorySettings(behind_share=(0.3,))
+
+
 @pytest.mark.parametrize("grid_cells", [200, 32])
 def test_grid_that_windows_do_not_fit_on_is_refused(grid_cells: int) -> None:
     with pytest.raises(

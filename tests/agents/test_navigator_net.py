@@ -1,11 +1,13 @@
 """The network: sequences with episodes in them, what each input changes, and sizes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 from torch import Tensor
 
-from agents.navigator_net import NavigatorNet, NavigatorNetSettings, run_lstm, step_lstm
+from agents.navigator_net import SMALLEST_CROP, NavigatorNet, NavigatorNetSettings, run_lstm, step_lstm
 
 
 def observation_of(count: int, settings: NavigatorNetSettings, seed: int = 0) -> dict[str, Tensor]:
@@ -20,6 +22,25 @@ def observation_of(count: int, settings: NavigatorNetSettings, seed: int = 0) ->
         "forward_step_m": np.full((count, 1), 0.065, np.float32),
     }
     return {key: torch.from_numpy(values) for key, values in observation.items()}
+
+
+def test_settings_in_files_of_earlier_versions_are_read() -> None:
+    plain = NavigatorNetSettings().as_dict()
+    plain["memory"]["wave"]["max_rounds"] = 160
+    plain["memory"]["way_out"]["max_rounds"] = 40
+    assert NavigatorNetSettings.read(plain) == NavigatorNetSettings()
+    del plain["memory"]["way_out"]
+    assert NavigatorNetSettings.read(plain) == NavigatorNetSettings()
+
+
+@pytest.mark.parametrize("crop_cells", [15, 16])
+def test_smallest_maps_pass_the_encoder(crop_cells: int) -> None:
+    memory = replace(NavigatorNetSettings().memory, crop_cells=crop_cells)
+    if crop_cells < SMALLEST_CROP:
+        with pytest.raises(ValueError, match="`crop_cells` must be >= 16, got 15"):
+            NavigatorNetSettings(memory=memory)
+    else:
+        NavigatorNet(NavigatorNetSettings(memory=memory))
 
 
 @pytest.mark.parametrize("starts", [[], [0], [3], [0, 2, 3, 7], [6, 10, 13]])

@@ -41,6 +41,14 @@ def test_device_that_torch_does_not_know_is_refused() -> None:
         usable_device("gpu")
 
 
+def test_accelerator_beyond_the_last_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
+    assert usable_device("cuda:1").index == 1
+    with pytest.raises(ValueError, match="this machine's 2 CUDA devices, got 'cuda:2'"):
+        usable_device("cuda:2")
+
+
 def test_missing_accelerator_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
     with pytest.raises(ValueError, match="got 'cuda:0' without a CUDA device"):

@@ -119,6 +119,12 @@ def test_agent_without_a_map_leaves_none_of_another_agent(room_file, tmp_path):
     assert not {MAP_FILE, SURFACE_FILE, SURFACE_PICTURE} & {path.name for path in tmp_path.iterdir()}
 
 
+def test_quick_command_leaves_the_folder_of_a_full_one_alone(room_file, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    main(["--scene", str(room_file), "--agent", "random", "--quick", "--steps", "1"])
+    assert [path.name for path in (tmp_path / "runs").iterdir()] == [f"explore-{room_file.stem}-quick"]
+
+
 def test_quick_command_plays_a_few_steps_and_writes_its_row(room_file, tmp_path, capsys):
     out, row = tmp_path / "run", tmp_path / "new" / "row.json"
     main(["--scene", str(room_file), "--agent", "random", "--out", str(out), "--quick", "--json", str(row)])

@@ -106,5 +106,7 @@ def test_commit_is_marked_where_code_was_changed_and_not_where_results_were(tmp_
     assert commit_of(tmp_path) == head
     (tmp_path / "results" / "file").write_text("after")
     assert commit_of(tmp_path) == head
+    git("commit", "-q", "-a", "-m", "rows")
+    assert commit_of(tmp_path) == head, "rows that are committed change no code"
     (tmp_path / "train" / "file").write_text("after")
     assert commit_of(tmp_path) == head + "+"

@@ -42,13 +42,14 @@ class DomainSettings:
     """No episode is longer, even if the way would fit into the limit."""
 
     def __post_init__(self) -> None:
-        if not self.tiers or min(self.tiers.values()) < 0.0 or sum(self.tiers.values()) <= 0.0:
+        shares = self.tiers.values()
+        if not all(share >= 0.0 for share in shares) or not sum(shares) > 0.0:
             raise ValueError(f"`tiers` must have shares >= 0 with a positive sum, got {self.tiers}")
         if unknown := [tier for tier in self.tiers if tier not in TIERS]:
             raise ValueError(f"unknown tier {unknown[0]!r} in `tiers`; choose among: {', '.join(TIERS)}")
         for name in ("forward_step_m", "sensor_height_m"):
             values = getattr(self, name)
-            if not values or min(values) <= 0.0:
+            if not values or not all(value > 0.0 for value in values):
                 raise ValueError(f"`{name}` must have numbers > 0, got {values}")
         if min(self.episodes_per_home, self.max_steps) < 1:
             raise ValueError(

@@ -44,6 +44,7 @@ class NavigatorTraining:
             raise ValueError(f"`seed` must be >= 0, got {self.seed}")
         if self.net.image_px < SMALLEST_IMAGE_PX:
             raise ValueError(f"`net.image_px` must be >= {SMALLEST_IMAGE_PX}, got {self.net.image_px}")
+        self.net.at_work()  # the wave is wider there
         stage = self.reinforcement
         if not self.imitation.frames and not stage.frames:
             raise ValueError("`imitation.frames` or `reinforcement.frames` must be > 0, got 0 and 0")

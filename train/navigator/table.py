@@ -135,7 +135,8 @@ def summarise(navigator: str, scene: str, rows: Sequence[Row]) -> Row:
     for key in ("spl", "soft_spl", "collisions"):
         interval = mean_interval([float(row[key]) for row in rows])
         line |= {key: interval.mean, f"{key}_half_width": interval.half_width if count > 1 else None}
-    return line | {"handovers": sum(row.get("handovers", 0) for row in rows) / count}
+    handovers = [row["handovers"] for row in rows if "handovers" in row]
+    return line | {"handovers": sum(handovers) / len(handovers) if handovers else None}
 
 
 def _lines(navigator: str, rows: Iterable[Row]) -> list[Row]:
@@ -167,7 +168,7 @@ def _as_text(lines: Sequence[Row]) -> list[str]:
             str(line["episodes"]),
             f"{line['success']:.3f} [{line['success_low']:.3f}, {line['success_high']:.3f}]",
             *(_estimate(line, key) for key in ("spl", "soft_spl", "collisions")),
-            f"{line['handovers']:.3f}",
+            "–" if line["handovers"] is None else f"{line['handovers']:.3f}",
         ]
         for line in lines
     ]
@@ -180,12 +181,12 @@ def _estimate(line: Row, key: str) -> str:
 
 
 def _other_code(rows: Iterable[Row]) -> list[str]:
-    """A warning if some rows were not played by the code at hand."""
+    """A note if some rows were played at another commit than the code at hand."""
     present = versions()["commit"]
     others = Counter(row.get("commit", "unknown") for row in rows)
     others.pop(present, None)
-    played = ", ".join(f"{count} by {commit or 'unknown'}" for commit, count in sorted(others.items()))
-    return [f"not played by the code at hand ({present or 'unknown'}): {played}"] if others else []
+    played = ", ".join(f"{count} at {commit or 'unknown'}" for commit, count in sorted(others.items()))
+    return [f"note: the code at hand is {present or 'unknown'}; episodes played: {played}"] if others else []
 
 
 def _jobs(comparison: NavigationComparison) -> list[Job]:

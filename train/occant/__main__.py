@@ -31,6 +31,7 @@ from train.occant.goal_learning import GoalLearner, GoalLearning, coverage, poli
 from train.occant.twin import Reward, TwinSettings
 from train.occant.twin_world import TwinWorld
 from train.provenance import versions
+from train.quick import parse_quick_settings
 from train.run_folder import claim_folder
 
 
@@ -231,13 +232,8 @@ def _paths(text: str | None) -> list[Path]:
 
 
 def read_options(arguments: Sequence[str] | None = None) -> Any:
-    """Read the command line; under `--quick`, what is not given is that of a quick run.
-
-    Args:
-        arguments: Words of the command line; None for those of the process.
-    """
-    options = _parser(OccAntTraining()).parse_args(arguments)
-    return _parser(OccAntTraining().quick()).parse_args(arguments) if options.quick else options
+    """Read the command line."""
+    return parse_quick_settings(_parser, OccAntTraining(), OccAntTraining().quick(), arguments)
 
 
 def training_of(options: Any) -> OccAntTraining:

@@ -82,7 +82,6 @@ def play_command(arguments: Sequence[str] | None = None) -> Played:
 def _run_of(options: Any, agents: Sequence[str]) -> TableRun:
     """Read what to play."""
     protocol = _protocol_of(options)
-    given = dict(options.env or {})
     seeds = parse_seeds(options.seeds or str(DEFAULT_SEEDS))
     if options.quick and not options.seeds:
         seeds = list(QUICK_SEEDS[options.table])
@@ -93,7 +92,7 @@ def _run_of(options: Any, agents: Sequence[str]) -> TableRun:
         protocol,
         seeds,
         Path(options.out or Path("runs") / options.table / name),
-        quick.ENV_OPTIONS | given if options.quick else given,
+        quick.env_options(options),
         options.pictures,
         with_maps=not options.quick or "mad_cm" in TABLES[options.table].native,
     )

@@ -19,6 +19,7 @@ from agents.upen_ensemble import SHIPPED, Ensemble, EnsembleSettings, save_ensem
 from train.batch_learning import follow
 from train.command import run_command
 from train.provenance import versions
+from train.quick import parse_quick_settings
 from train.run_folder import claim_folder
 from train.upen.data import Crops, CropSettings, class_shares, crops_of, test_homes, training_homes
 from train.upen.learning import LearningSettings, MemberLearner, homes_of_member
@@ -108,13 +109,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def read_options(arguments: Sequence[str] | None = None) -> Any:
-    """Read the command line; under `--quick`, what is not given is that of a quick run.
-
-    Args:
-        arguments: Words of the command line; None for those of the process.
-    """
-    options = _parser(UpenTraining()).parse_args(arguments)
-    return _parser(UpenTraining().quick()).parse_args(arguments) if options.quick else options
+    """Read the command line."""
+    return parse_quick_settings(_parser, UpenTraining(), UpenTraining().quick(), arguments)
 
 
 def training_of(options: Any) -> UpenTraining:

@@ -113,10 +113,10 @@ def test_rows_that_other_code_played_are_named(
     )
     monkeypatch.setattr("train.navigator.table.versions", lambda: {"commit": "1234567"})
     compare_navigators(replace(comparison, episodes=1))
-    assert "not played" not in capsys.readouterr().out
+    assert "note:" not in capsys.readouterr().out
     monkeypatch.setattr("train.navigator.table.versions", lambda: {"commit": "89abcde"})
     compare_navigators(comparison)
-    assert "not played by the code at hand (89abcde): 1 by 1234567" in capsys.readouterr().out
+    assert "note: the code at hand is 89abcde; episodes played: 1 at 1234567" in capsys.readouterr().out
 
 
 def test_handover_is_in_the_row_and_in_the_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

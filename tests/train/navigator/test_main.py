@@ -1,9 +1,11 @@
 """The command's options: settings from YAML and flags, two modes that do not mix."""
 
+import json
 from pathlib import Path
 
 import pytest
 
+from agents.navigator_net import NavigatorNetSettings
 from train.navigator import __main__ as command
 from train.navigator.__main__ import main, read_options, training_from
 from train.navigator.hardware import Hardware
@@ -18,7 +20,12 @@ def training(*arguments: str) -> NavigatorTraining:
 
 def test_shipped_configuration_is_the_shipped_navigators() -> None:
     path = ROOT / "configs" / "navigator.yaml"
-    assert training("--config", str(path)) == training_of("mini", "plus", num_agents=16)
+    read = training("--config", str(path))
+    assert read == training_of("mini", "plus", num_agents=16)
+    shipped = json.loads((ROOT / "agents" / "weights" / "ddppo-plus.json").read_text())["training"]
+    plain = json.loads(json.dumps(read.as_dict()))
+    assert NavigatorNetSettings.read(shipped.pop("net")) == NavigatorNetSettings.read(plain.pop("net"))
+    assert shipped == plain
 
 
 def test_yaml_reaches_every_field_and_flags_come_after(tmp_path: Path) -> None:
@@ -90,6 +97,7 @@ def test_missing_gpu_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -
 
 def test_warp_casts_rays_on_the_device_and_embree_on_the_cpu(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("torch.cuda.is_available", lambda: True)
+    monkeypatch.setattr("torch.cuda.device_count", lambda: 1)
     assert Hardware("cuda", "warp").camera_device == "cuda"
     assert Hardware("cuda", "embree").camera_device == "cpu"
 

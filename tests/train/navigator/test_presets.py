@@ -7,7 +7,7 @@ import pytest
 from train.navigator.dagger import DaggerSettings
 from train.navigator.env import DomainSettings
 from train.navigator.ppo import PpoSettings
-from train.navigator.presets import PRESETS, VARIANTS, NavigatorTraining, training_of
+from train.navigator.presets import PRESETS, VARIANTS, training_of
 
 
 def test_presets_and_variants_are_chosen_by_name() -> None:
@@ -71,6 +71,10 @@ def test_second_stage_may_be_left_out_or_teach_the_actor_at_once() -> None:
         ({"evaluation_every": 0}, "`num_agents`, `evaluation_every` and `evaluation_episodes` must be >= 1"),
         ({"seed": -1}, "`seed` must be >= 0, got -1"),
         ({"net": {"image_px": 35}}, "`net.image_px` must be >= 36, got 35"),
+        ({"net": {"lstm_layers": 0}}, "`lstm_size` and `lstm_layers` must be >= 1, got 192 and 0"),
+        ({"net": {"memory": {"crop_cells": 15}}}, "`crop_cells` must be >= 16, got 15"),
+        ({"net": {"memory": {"grid_cells": 128}}}, "`grid_cells` must be a power of two and at least 160"),
+        ({"domain": {"forward_step_m": (0.1, float("nan"))}}, "`forward_step_m` must have numbers > 0"),
         (
             {"imitation": {"frames": 0}, "reinforcement": {"frames": 0}},
             "`imitation.frames` or `reinforcement.frames` must be > 0, got 0 and 0",
@@ -111,6 +115,8 @@ def test_stages_that_cannot_be_are_refused(settings: type, changes: dict, messag
         settings(**changes)
 
 
-def test_every_preset_can_be_trained_in_every_variant() -> None:
-    for preset in PRESETS:
-        assert isinstance(training_of(preset, "star"), NavigatorTraining)
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_every_preset_can_be_trained_in_every_variant(preset: str, variant: str) -> None:
+    training = training_of(preset, variant)
+    assert (training.net, training.domain) == (PRESETS[preset].net, VARIANTS[variant])
