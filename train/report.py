@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from train import html
 from train.attribution_report import attribution_body
@@ -40,14 +41,14 @@ from train.trajectory import Trajectory
 
 @dataclass(frozen=True, eq=False)
 class EpisodeCurves:
-    """Completion curves by agent, of the episodes whose trajectory is there."""
+    """Completion curves by agent, of the episodes that have one."""
 
     over_steps: dict[str, list[Curve]]
     """Over steps."""
     over_metres: dict[str, list[Curve]]
     """Over metres."""
     missing: tuple[Row, ...]
-    """Rows without a trajectory: tables have them, curves do not."""
+    """Rows without a curve, as earlier versions left them, and without a trajectory."""
 
     @property
     def num_found(self) -> int:
@@ -100,7 +101,8 @@ def load_curves(out: Path, rows: Sequence[Row], max_steps: int) -> EpisodeCurves
     Curves of unlike length have no mean, so all end at a budget that every episode had.
 
     Args:
-        out: The run's folder; its `episodes/` may be gone, as git does not keep them.
+        out: The run's folder; its `episodes/` may be gone, as git does not keep them. The curves in rows are
+            coarser.
         rows: Result rows of episodes that did not fail.
         max_steps: Where the curves end.
     """
@@ -108,22 +110,33 @@ def load_curves(out: Path, rows: Sequence[Row], max_steps: int) -> EpisodeCurves
     metres: dict[str, list[Curve]] = defaultdict(list)
     missing: list[Row] = []
     for row in rows:
-        path = out / str(row.get("trajectory", ""))
-        if not path.is_file():
+        found = _curve_of(out, row)
+        if found is None:
             missing.append(row)
             continue
-        trajectory = Trajectory.load(path)
-        y = trajectory.curves["comp_pct"][: max_steps + 1]
+        step, path_m, comp_pct = (values[found[0] <= max_steps] for values in found)
         name = agent_name(row["agent"], row["preset"])
-        steps[name].append(Curve(np.arange(len(y), dtype=np.float64), y, row["scene"]))
-        metres[name].append(Curve(trajectory.path_m[: len(y)], y, row["scene"]))
+        steps[name].append(Curve(step, comp_pct, row["scene"]))
+        metres[name].append(Curve(path_m, comp_pct, row["scene"]))
     return EpisodeCurves(dict(steps), dict(metres), tuple(missing))
+
+
+def _curve_of(out: Path, row: Row) -> tuple[NDArray[np.float64], ...] | None:
+    """(T,) steps, metres and completion (%) of an episode, from its trajectory or else from its row."""
+    path = out / str(row.get("trajectory", ""))
+    if path.is_file():
+        trajectory = Trajectory.load(path)
+        comp_pct = trajectory.curves["comp_pct"]
+        return np.arange(len(comp_pct), dtype=np.float64), trajectory.path_m, comp_pct
+    if curve := row.get("curve"):
+        return tuple(np.array(curve[name], np.float64) for name in ("step", "path_m", "comp_pct"))
+    return None
 
 
 def _completion(out: Path, curves: EpisodeCurves, steps: int) -> str:
     """Draw the curves and say whose are not there; without any, an earlier picture stays as it is."""
     about = f"Completion over the {steps} steps that all scenes have, and over metres walked in them."
-    gap = f"Curves of {curves.share}: the trajectories of the others are not in the run's folder."
+    gap = f"Curves of {curves.share}: the others have none in their rows, and no trajectory here."
     note = html.paragraph(gap) if curves.missing else ""
     if not curves.num_found:
         return note

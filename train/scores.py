@@ -4,6 +4,7 @@ from typing import Any, Final
 
 import gymnasium as gym
 import numpy as np
+from numpy.typing import NDArray
 
 from anm_gym.actions import FORWARD_STEP_M
 from anm_gym.metrics.completion import CompletionMeter
@@ -15,6 +16,8 @@ from anm_gym.scenes.scene import Scene
 from train.results import Row
 from train.trajectory import Trajectory
 
+CURVE_STEPS: Final = 20
+"""Steps between the points of the curve in a row."""
 SAMPLE_SEED: Final = 0
 """Seed of the points at which reconstructions are compared with the truth."""
 
@@ -40,7 +43,8 @@ def trail_scores(meter: CompletionMeter, trajectory: Trajectory, steps: int) -> 
         steps: The budget; its metres are those of so many forward steps.
 
     Returns:
-        Completion native and official, its areas over steps and metres, the path and the collisions.
+        Completion native and official, its areas over steps and metres, its curve at every
+        `CURVE_STEPS`-th step and the last, the path and the collisions.
     """
     scores, curve = meter.scores(), trajectory.curves["comp_pct"]
     budget_m = steps * trajectory.env_options.get("forward_step_m", FORWARD_STEP_M)
@@ -50,11 +54,19 @@ def trail_scores(meter: CompletionMeter, trajectory: Trajectory, steps: int) -> 
         "comp_visible_pct": scores.comp_visible_pct,
         "comp_auc": auc_over_steps(curve, steps),
         "comp_auc_m": auc_over_metres(curve, trajectory.path_m, budget_m),
+        "curve": _thinned(curve, trajectory.path_m),
         "comp_pct_official": scores.comp_pct_official,
         "comp_cm_official": scores.comp_cm_official,
         "path_m": float(trajectory.path_m[-1]),
         "collisions": int(trajectory.curves["collisions"][-1]),
     }
+
+
+def _thinned(comp_pct: NDArray[np.floating], path_m: NDArray[np.floating]) -> dict[str, list[float]]:
+    """A curve that is short enough for a row, so that figures can be drawn from rows alone."""
+    steps = np.unique(np.append(np.arange(0, len(comp_pct), CURVE_STEPS), len(comp_pct) - 1))
+    values = {"step": steps, "comp_pct": comp_pct[steps].round(2), "path_m": path_m[steps].round(3)}
+    return {name: [float(value) for value in found] for name, found in values.items()}
 
 
 def map_scores(neural_map: Any, scene: Scene) -> Row:

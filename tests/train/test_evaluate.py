@@ -158,7 +158,11 @@ def test_quick_command_has_the_keys_of_a_full_one(tmp_path, room_file):
         found.append(json.loads(table.read_text()))
     (quick,), (full,) = (table["agents"] for table in found)
     assert (found[0].keys(), quick.keys()) == (found[1].keys(), full.keys())
-    assert read_rows(tmp_path / "run0" / ROWS_FILE)[0]["steps"] == 12
+    row = read_rows(tmp_path / "run0" / ROWS_FILE)[0]
+    assert row["steps"] == 12
+    assert row["curve"]["step"] == [0.0, 12.0]
+    assert row["curve"]["comp_pct"][-1] == pytest.approx(row["comp_pct"], abs=0.01)
+    assert row["curve"]["path_m"][-1] == pytest.approx(row["path_m"], abs=0.001)
 
 
 def test_command_writes_rows_table_and_a_self_contained_report(tmp_path, room_file, capsys):

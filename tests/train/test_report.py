@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from train.pictures import save_picture
-from train.report import write_report
+from train.report import load_curves, write_report
 from train.tables.comparison import make_table
 from train.tables.text import format_table
 from train.trajectory import Trajectory
@@ -74,9 +74,25 @@ def make_curve_row(out, seed, is_kept=True):
 def test_curves_of_a_part_of_the_episodes_say_so(report, tmp_path):
     rows = [make_curve_row(tmp_path, seed, is_kept=seed != 1) for seed in range(3)]
     text = report(rows)
-    assert "Curves of 2 of 3 episodes: the trajectories of the others are not in" in text
+    assert "Curves of 2 of 3 episodes: the others have none in their rows, and no trajectory" in text
     assert "data:image/png;base64," in text
     assert "Curves of" not in report([rows[0], rows[2]])
+
+
+def test_curves_in_rows_do_where_trajectories_are_gone(report, tmp_path):
+    row = make_curve_row(tmp_path, 0, is_kept=False)
+    curve = {"step": [0.0, 5.0, 10.0], "path_m": [0.0, 0.2, 0.4], "comp_pct": [1.0, 20.0, 50.0]}
+    found = load_curves(tmp_path, [row | {"curve": curve}], 7)
+    (over_steps,), (over_metres,) = (*found.over_steps.values(),)[0], (*found.over_metres.values(),)[0]
+    assert (over_steps.x.tolist(), over_steps.y.tolist()) == ([0.0, 5.0], [1.0, 20.0])
+    assert over_metres.x.tolist() == [0.0, 0.2]
+    assert "Curves of" not in report([row | {"curve": curve}])
+
+
+def test_curve_of_the_trajectory_comes_before_that_of_the_row(tmp_path):
+    row = make_curve_row(tmp_path, 0) | {"curve": {"step": [0.0], "path_m": [0.0], "comp_pct": [9.0]}}
+    (curve,) = next(iter(load_curves(tmp_path, [row], 10).over_steps.values()))
+    assert (len(curve.x), curve.y[-1]) == (11, 50.0)
 
 
 def test_report_without_a_trajectory_has_no_curves_and_leaves_an_earlier_picture(report, tmp_path):

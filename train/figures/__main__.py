@@ -208,7 +208,7 @@ def draw_curves(out: Path, run: str | None, json_path: Path | None, *, is_quick:
         is_quick: Whether to play the quick table first, where it has not been.
 
     Raises:
-        FileNotFoundError: If there are no rows, or none of them has its trajectory.
+        FileNotFoundError: If there are no rows, or none of them has a curve or its trajectory.
     """
     from train.figures.curves import gather_curves
     from train.tables.__main__ import play_command

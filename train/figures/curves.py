@@ -43,7 +43,7 @@ class Panel:
     episodes: Mapping[str, int]
     """Episodes by agent."""
     missing: int = 0
-    """Episodes of the table that have no trajectory here, and so no curve."""
+    """Episodes of the table that have no curve in their row, and no trajectory here."""
 
     @property
     def num_episodes(self) -> int:
@@ -65,7 +65,7 @@ class CompletionCurves:
         """How many of the table's episodes have a curve; empty if all do."""
         found = sum(panel.num_episodes for panel in self.panels)
         missing = sum(panel.missing for panel in self.panels)
-        return f"{found} of {found + missing} episodes, the others without a trajectory" if missing else ""
+        return f"{found} of {found + missing} episodes, the others without a curve" if missing else ""
 
     def numbers(self) -> Numbers:
         """Give the curves as plain arrays."""
@@ -99,7 +99,7 @@ def gather_curves(run: Path) -> CompletionCurves:
         run: Folder of the run, with rows and trajectories.
 
     Raises:
-        FileNotFoundError: If there are no rows, or none of them has its trajectory.
+        FileNotFoundError: If there are no rows, or none of them has a curve or its trajectory.
         ValueError: If the rows cannot be compared, see `train.tables.comparison.make_table`.
     """
     rows = [row for row in read_rows(run / ROWS_FILE) if not row.get("error")]
@@ -114,8 +114,8 @@ def gather_curves(run: Path) -> CompletionCurves:
     panels = tuple(_panel(run, steps, by_budget[steps]) for steps in sorted(by_budget))
     if not any(panel.bands for panel in panels):
         raise FileNotFoundError(
-            f"{run} must hold the trajectories of its {len(rows)} episodes, got none; copy them there, or "
-            "play the episodes again in an empty folder with `python -m train.tables table1`"
+            f"{run} must hold curves or trajectories of its {len(rows)} episodes, got none; copy them "
+            "there, or play the episodes again in an empty folder with `python -m train.tables table1`"
         )
     return CompletionCurves(table.protocol, panels)
 

@@ -71,7 +71,8 @@ def lose(run, *names):
 def test_run_whose_trajectories_are_gone_is_refused_with_their_number(run):
     lose(run, *(f"{agent}_a_{seed}.npz" for agent in ("anm", "fbe") for seed in range(3)))
     with pytest.raises(
-        FileNotFoundError, match=rf"{run} must hold the trajectories of its 6 episodes, got none; copy them"
+        FileNotFoundError,
+        match=rf"{run} must hold curves or trajectories of its 6 episodes, got none; copy them",
     ):
         gather_curves(run)
 
@@ -82,7 +83,7 @@ def test_figure_says_how_many_of_the_episodes_it_shows(run, tmp_path, capsys):
     curves = gather_curves(run)
     assert [(panel.num_episodes, panel.missing) for panel in curves.panels] == [(5, 1), (0, 1)]
     main(["fig5", "--run", str(run), "--out", str(tmp_path / "out")])
-    assert "fig5_p.png, 5 of 7 episodes, the others without a trajectory, numbers" in capsys.readouterr().out
+    assert "fig5_p.png, 5 of 7 episodes, the others without a curve, numbers" in capsys.readouterr().out
     (numbers,) = (tmp_path / "out").glob("*.json")
     assert [panel["episodes_missing"] for panel in json.loads(numbers.read_text())["data"]["panels"]] == [
         1,
