@@ -65,8 +65,11 @@ def trail_scores(meter: CompletionMeter, trajectory: Trajectory, steps: int) -> 
 def _thinned(comp_pct: NDArray[np.floating], path_m: NDArray[np.floating]) -> dict[str, list[float]]:
     """A curve that is short enough for a row, so that figures can be drawn from rows alone."""
     steps = np.unique(np.append(np.arange(0, len(comp_pct), CURVE_STEPS), len(comp_pct) - 1))
-    values = {"step": steps, "comp_pct": comp_pct[steps].round(2), "path_m": path_m[steps].round(3)}
-    return {name: [float(value) for value in found] for name, found in values.items()}
+    return {
+        "step": steps.tolist(),
+        "comp_pct": comp_pct[steps].round(2).tolist(),
+        "path_m": path_m[steps].round(3).tolist(),
+    }
 
 
 def map_scores(neural_map: Any, scene: Scene) -> Row:

@@ -3,7 +3,6 @@
 Command: ``python -m train.coverage --out runs/coverage``.
 """
 
-import json
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from pathlib import Path
@@ -49,7 +48,7 @@ def train_explorer(training: CoverageTraining) -> dict[str, Any]:
     }
     label = "floor seen in unseen homes (%), mean and 95 % CI"
     figure = learning_curve_figure(steps, seen_pct, baselines_pct, label, training.out / "curve.png")
-    (training.out / "curve.json").write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+    write_json(training.out / "curve.json", result)
     return result | {"figure": str(figure)}
 
 

@@ -1,6 +1,5 @@
 """A navigator's training run: imitation, then reinforcement, watched, saved and evaluated on the way."""
 
-import json
 import time
 from collections import deque
 from collections.abc import Iterable
@@ -28,6 +27,7 @@ from train.navigator.ppo import NavigatorPpo
 from train.navigator.presets import NavigatorTraining
 from train.navigator.ranks import Ranks
 from train.provenance import versions
+from train.results import write_json
 from train.run_folder import claim_folder
 
 IMITATION: Final = "imitation"
@@ -201,7 +201,7 @@ class NavigatorRun:
             "curve": self.progress.curve,
             "versions": versions(),
         }
-        (self.folder / "policy.json").write_text(json.dumps(card, indent=2) + "\n", encoding="utf-8")
+        write_json(self.folder / "policy.json", card)
         self.progress.stage = DONE
         self._checkpoint.save(net, torch.optim.Adam(net.parameters()), self.progress)
 
