@@ -105,7 +105,7 @@ class NavigationObserver:
         Returns:
             The keys of `shapes`, with a first axis for the agents; see `NavigatorEncoder`.
         """
-        self._reflexes.update(world_from_camera, self._previous)
+        self._reflexes.update(world_from_camera, pointgoal[:, 0], self._previous)
         images = depth_m.reshape(depth_m.shape[:3])
         seen = images[:, self._rows[:, None], self._columns]
         scaled = np.rint(np.clip(seen * (255.0 / MAX_DEPTH_M), 0.0, 255.0))

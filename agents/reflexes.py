@@ -1,9 +1,10 @@
 """Moves that a learned navigator need not try: what the goal sensor and the last steps already tell.
 
-A policy is drawn from a distribution, so a rare mistake happens once in a long episode. Four mistakes can
+A policy is drawn from a distribution, so a rare mistake happens once in a long episode. Five mistakes can
 be told from the observation alone: stopping where the goal is known to be out of reach of success, not
-stopping where it is at hand, walking again into what has just cut a step short, and turning on the spot
-without end. An agent that does the last is lost, and is led away from there along the wave from its goal.
+stopping where it is at hand, walking again into what has just cut a step short, turning on the spot
+without end, and going about for long without coming nearer. An agent that does one of the last two is lost:
+it stops if it may, and else is led along the wave from its goal, away from the spot or nearer to the goal.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,6 +13,7 @@ from typing import Final, final
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.patience import Patience
 from anm_gym.actions import Action
 from anm_gym.geometry import heading_of, wrap_angle
 
@@ -70,12 +72,18 @@ class Reflexes:
         self._spot_xz = np.full((num_agents, 2), _FAR_M)
         self._turns = np.zeros(num_agents, np.int64)
         self._led_steps = np.zeros(num_agents, np.int64)
+        self._patience = Patience(steps_m)
         self._last_turn = np.full(num_agents, _TURNS[0])
 
     @property
     def lost(self) -> NDArray[np.bool_]:
+        """(N,) which agents get nowhere."""
+        return self._turns_about | self._patience.is_over
+
+    @property
+    def _turns_about(self) -> NDArray[np.bool_]:
         """(N,) which agents have turned too often on one spot and are still near it."""
-        return self._turns >= MAX_TURNS
+        return np.asarray(self._turns >= MAX_TURNS)
 
     def begin(self, index: int) -> None:
         """Forget where an agent was."""
@@ -84,8 +92,9 @@ class Reflexes:
         self.begin_goal(index)
 
     def begin_goal(self, index: int) -> None:
-        """Forget how often an agent has turned; where it could not move stays known."""
+        """Forget how often an agent has turned and how near it was; where it could not move stays known."""
         self._turns[index] = 0
+        self._patience.begin_goal(index)
 
     def keep(self, agents: Sequence[int]) -> None:
         """Go on with some of the agents only, in the order given."""
@@ -93,14 +102,22 @@ class Reflexes:
         self._blocked_rad = [self._blocked_rad[agent] for agent in agents]
         self._turns, self._last_turn = self._turns[agents], self._last_turn[agents]
         self._led_steps, self._stop_m = self._led_steps[agents], self._stop_m[agents]
+        self._patience.keep(agents)
 
-    def update(self, world_from_camera: NDArray[np.float32], previous: NDArray[np.integer]) -> None:
+    def update(
+        self,
+        world_from_camera: NDArray[np.float32],
+        distance_m: NDArray[np.floating],
+        previous: NDArray[np.integer],
+    ) -> None:
         """Take note of what the last actions came to.
 
         Args:
             world_from_camera: (N, 4, 4) float32 poses.
+            distance_m: (N,) distances to the goals, metres.
             previous: (N,) the actions that led there.
         """
+        self._patience.update(distance_m)
         position_xz = world_from_camera[:, [0, 2], 3].astype(np.float64)
         moved = np.linalg.norm(position_xz - self._position_xz, axis=1) > MOVED_M
         for index in np.flatnonzero(moved):
@@ -108,8 +125,8 @@ class Reflexes:
         for index in np.flatnonzero(~moved & (previous == int(Action.MOVE_FORWARD))):
             self._blocked_rad[index].append(heading_of(world_from_camera[index]))
         is_turn = np.isin(previous, _TURNS)
-        self._led_steps = np.where(self.lost, self._led_steps + 1, 0)
-        near_m = np.where(self.lost, AWAY_M, SPOT_M)
+        self._led_steps = np.where(self._turns_about, self._led_steps + 1, 0)
+        near_m = np.where(self._turns_about, AWAY_M, SPOT_M)
         has_left = np.linalg.norm(position_xz - self._spot_xz, axis=1) > near_m
         has_left |= self._led_steps > MAX_LED_STEPS
         self._spot_xz = np.where(has_left[:, None], position_xz, self._spot_xz)
@@ -129,12 +146,12 @@ class Reflexes:
             distance_m: (N,) distances to the goals, metres.
             ahead_m: For each lost agent (K,) how far the goal still is a little ahead, for K headings evenly
                 round, the present one first and the others to its left, metres. None if nobody knows: then
-                a lost agent may not turn back.
+                one that turns on a spot may not turn back.
 
         Returns:
             (N, actions) bool; one at least is always allowed. An agent that has arrived can but stop; one
             with long steps may stop a little before, and one with short steps, which can go on, may not. A
-            lost agent that is led has no choice, unless it may stop.
+            lost agent that may stop does, and one that is led has no choice either.
         """
         allowed = np.ones((len(distance_m), len(Action)), bool)
         allowed[:, int(Action.STOP)] = distance_m < self._stop_m
@@ -143,14 +160,14 @@ class Reflexes:
             if _is_among(heading, blocked):
                 allowed[index, int(Action.MOVE_FORWARD)] = False
         for index, distances_m in (ahead_m or {}).items():
-            if not allowed[index, int(Action.STOP)]:
-                heading = heading_of(world_from_camera[index])
-                move = _lead(distances_m, heading, self._blocked_rad[index], self._turn_step_rad)
-                allowed[index] = _ONLY[int(move)]
+            heading = heading_of(world_from_camera[index])
+            move = _lead(distances_m, heading, self._blocked_rad[index], self._turn_step_rad)
+            allowed[index] = _ONLY[int(move)]
         if ahead_m is None:
             for turn, back in (_TURNS, _TURNS[::-1]):
-                allowed[self.lost & (self._last_turn == turn), back] = False
-        allowed[distance_m < self._near_m] = _ONLY[int(Action.STOP)]
+                allowed[self._turns_about & (self._last_turn == turn), back] = False
+        must_stop = distance_m < np.where(self.lost, self._stop_m, self._near_m)
+        allowed[must_stop] = _ONLY[int(Action.STOP)]
         return allowed
 
 

@@ -32,7 +32,7 @@ the others to its left: offsets to the right and ahead, metres."""
 class WayOutSettings:
     """Sizes and prices of the fine wave (ours)."""
 
-    window_cells: int = 64
+    window_cells: int = 192
     """Rows and columns around the agent."""
     blocked_cost: float = 200.0
     """Price of a metre through occupied cells."""

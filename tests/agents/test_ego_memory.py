@@ -93,9 +93,9 @@ def test_every_map_says_how_much_of_it_lies_behind() -> None:
         EgoMemorySettings(behind_share=(0.3,))
 
 
-@pytest.mark.parametrize("grid_cells", [200, 32])
+@pytest.mark.parametrize("grid_cells", [200, 128])
 def test_grid_that_windows_do_not_fit_on_is_refused(grid_cells: int) -> None:
     with pytest.raises(
-        ValueError, match=f"power of two and at least 64, the widest window, got {grid_cells}"
+        ValueError, match=f"power of two and at least 192, the widest window, got {grid_cells}"
     ):
         EgoMemorySettings(grid_cells=grid_cells)

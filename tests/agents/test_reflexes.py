@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from agents.patience import PATIENCE_M
 from agents.reflexes import AWAY_M, MAX_LED_STEPS, MAX_TURNS, Reflexes
 from anm_gym.actions import Action
 from anm_gym.geometry import camera_pose
@@ -39,7 +40,7 @@ def test_heading_that_was_blocked_is_not_tried_again_before_the_agent_has_moved(
     allowed = []
     for x, heading_rad, previous in [*steps, (0.0, 0.0, Action.TURN_RIGHT), (0.1, 0.0, Action.MOVE_FORWARD)]:
         here = pose(x, 0.0, heading_rad)
-        reflexes.update(here, np.array([int(previous)]))
+        reflexes.update(here, FAR, np.array([int(previous)]))
         allowed.append(bool(reflexes.allowed(here, FAR)[0, FORWARD]))
     assert allowed == [True, False, True, False, True]
 
@@ -47,14 +48,14 @@ def test_heading_that_was_blocked_is_not_tried_again_before_the_agent_has_moved(
 def test_heading_is_known_again_across_the_half_turn() -> None:
     reflexes = Reflexes(1, STEP_M)
     for heading_rad in (np.pi - 0.01, np.pi - 0.01):
-        reflexes.update(pose(0, 0, heading_rad), np.array([FORWARD]))
+        reflexes.update(pose(0, 0, heading_rad), FAR, np.array([FORWARD]))
     assert not reflexes.allowed(pose(0, 0, -np.pi + 0.01), NEAR)[0, FORWARD]
 
 
 def test_new_episode_forgets() -> None:
     reflexes = Reflexes(1, STEP_M)
     for _ in range(2):
-        reflexes.update(pose(0, 0, 0), np.array([FORWARD]))
+        reflexes.update(pose(0, 0, 0), FAR, np.array([FORWARD]))
     assert not reflexes.allowed(pose(0, 0, 0), FAR)[0, FORWARD]
     reflexes.begin(0)
     assert reflexes.allowed(pose(0, 0, 0), FAR)[0, FORWARD]
@@ -65,7 +66,7 @@ def test_agent_that_turns_to_and_fro_on_one_spot_may_not_turn_back_until_it_leav
 
     def step(x: float, actions: list[int]) -> list[list[int]]:
         poses = np.concatenate([pose(x, 0, 0), pose(9.0, 0, 0)])
-        reflexes.update(poses, np.array(actions))
+        reflexes.update(poses, FAR.repeat(2), np.array(actions))
         allowed = reflexes.allowed(poses, FAR.repeat(2))
         return [np.flatnonzero(row[[left, right]]).tolist() for row in allowed]
 
@@ -83,7 +84,7 @@ def lost_agent(turn_step_deg: float = 10.0) -> Reflexes:
     """An agent that has turned on the spot at the origin for too long."""
     reflexes = Reflexes(1, STEP_M, turn_step_rad=np.deg2rad(turn_step_deg))
     for _ in range(MAX_TURNS + 1):
-        reflexes.update(pose(0, 0, 0), np.array([int(Action.TURN_LEFT)]))
+        reflexes.update(pose(0, 0, 0), FAR, np.array([int(Action.TURN_LEFT)]))
     assert reflexes.lost.tolist() == [True]
     return reflexes
 
@@ -103,7 +104,7 @@ def test_lost_agent_is_led_to_where_the_goal_comes_nearest_the_short_way_round()
 
 def test_lost_agent_is_not_led_into_what_stopped_it() -> None:
     reflexes = lost_agent()
-    reflexes.update(pose(0, 0, 0), np.array([FORWARD]))
+    reflexes.update(pose(0, 0, 0), FAR, np.array([FORWARD]))
     assert lead(reflexes, 1.0) == [int(Action.TURN_LEFT)]
     assert lead(reflexes, 359.0) == [int(Action.TURN_RIGHT)]
 
@@ -113,24 +114,35 @@ def test_agent_with_wide_turns_walks_where_no_turn_brings_it_nearer() -> None:
     assert lead(lost_agent(30.0), 20.0) == [int(Action.TURN_LEFT)]
 
 
-def test_lost_agent_near_its_goal_may_stop() -> None:
-    assert STOP in lead(lost_agent(), 90.0, NEAR)
+def test_lost_agent_stops_where_it_may() -> None:
+    assert lead(lost_agent(), 90.0, NEAR) == [STOP]
     assert lead(lost_agent(), 90.0, THERE) == [STOP]
+
+
+def test_agent_that_comes_no_nearer_for_long_is_led_until_it_has_another_goal() -> None:
+    reflexes = Reflexes(1, STEP_M)
+    for count in range(int(PATIENCE_M / STEP_M) + 1):
+        assert not reflexes.lost[0]
+        reflexes.update(pose(count, 0, 0), FAR, np.array([FORWARD]))
+    assert reflexes.lost[0]
+    assert lead(reflexes, 90.0) == [int(Action.TURN_LEFT)]
+    reflexes.begin_goal(0)
+    assert not reflexes.lost[0]
 
 
 def test_lost_agent_is_led_for_a_while_only() -> None:
     reflexes = lost_agent()
     for _ in range(MAX_LED_STEPS):
-        reflexes.update(pose(0, 0, 0), np.array([FORWARD]))
+        reflexes.update(pose(0, 0, 0), FAR, np.array([FORWARD]))
         assert reflexes.lost[0]
-    reflexes.update(pose(0, 0, 0), np.array([FORWARD]))
+    reflexes.update(pose(0, 0, 0), FAR, np.array([FORWARD]))
     assert not reflexes.lost[0]
 
 
 def test_new_goal_may_be_turned_to_either_way() -> None:
     reflexes = Reflexes(1, STEP_M)
     for _ in range(MAX_TURNS + 1):
-        reflexes.update(pose(0, 0, 0), np.array([int(Action.TURN_LEFT)]))
+        reflexes.update(pose(0, 0, 0), FAR, np.array([int(Action.TURN_LEFT)]))
     assert not reflexes.allowed(pose(0, 0, 0), FAR)[0, int(Action.TURN_RIGHT)]
     reflexes.begin_goal(0)
     assert reflexes.allowed(pose(0, 0, 0), FAR)[0].tolist() == [False, True, True, True]
@@ -141,7 +153,7 @@ def test_agents_that_are_kept_remember_what_they_did_themselves() -> None:
     reflexes, left = Reflexes(3, STEP_M), int(Action.TURN_LEFT)
     for count in range(MAX_TURNS + 1):
         poses = np.concatenate([pose(0, 0, 0), pose(count, 0, 0), pose(9, 0, 0)])
-        reflexes.update(poses, np.array([FORWARD, FORWARD, left]))
+        reflexes.update(poses, FAR.repeat(3), np.array([FORWARD, FORWARD, left]))
     everyone = reflexes.allowed(poses, FAR.repeat(3))
     assert len(np.unique(everyone, axis=0)) == 3
     kept = [2, 0]
