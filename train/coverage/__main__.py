@@ -4,13 +4,13 @@ Command: ``python -m train.coverage --out runs/coverage``.
 """
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import torch
-from jsonargparse import ActionYesNo, ArgumentParser
+from jsonargparse import ArgumentParser
 
 from train.command import run_command
 from train.coverage.run import CoverageRun, score_baseline
@@ -18,7 +18,19 @@ from train.coverage.settings import CoverageTraining
 from train.learning_curve import learning_curve_figure
 from train.option_names import spell_with_dashes
 from train.provenance import versions
+from train.quick import add_quick_option, parse_quick
 from train.results import write_json
+
+QUICK: Final = {
+    "out": Path("runs/coverage-quick"),
+    "eval_scenes": ("home:studio:900-902",),
+    "steps": 4000,
+    "episode_steps": 50,
+    "learner.num_envs": 4,
+    "learner.rollout_steps": 50,
+    "learner.batch_size": 50,
+}
+"""Defaults of `--quick`."""
 
 
 def train_explorer(training: CoverageTraining) -> dict[str, Any]:
@@ -52,35 +64,30 @@ def train_explorer(training: CoverageTraining) -> dict[str, Any]:
     return result | {"figure": str(figure)}
 
 
-def quick(training: CoverageTraining) -> CoverageTraining:
-    """Make a run of less than a minute of it: a few homes, short episodes, two rounds."""
-    learner = replace(training.learner, num_envs=4, rollout_steps=50, batch_size=50)
-    return replace(
-        training,
-        scenes=training.scenes[:1],
-        eval_scenes=("home:studio:900-902",),
-        steps=4000,
-        episode_steps=50,
-        learner=learner,
-    )
-
-
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command and print the curve."""
-    options = _parser().parse_args(arguments).as_dict()
-    training = CoverageTraining.from_plain(
-        {field.name: options[field.name] for field in fields(CoverageTraining)}
-    )
+    options = read_options(arguments)
     torch.set_num_threads(1)
-    result = train_explorer(quick(training) if options["quick"] else training)
+    result = train_explorer(training_of(options))
     print(f"{'steps':>10}{'floor seen (%)':>16}{'reward':>9}")
     for point in result["curve"]:
         print(f"{point['steps']:>10}{point['coverage_pct']:>16.1f}{point['reward']:>9.2f}")
     for name, value_pct in result["baselines_pct"].items():
         print(f"{name:>10}{value_pct:>16.1f}")
     print(f"{result['cpu_s']:.0f} CPU seconds; curve: {result['figure']}")
-    if options["json"]:
-        write_json(Path(options["json"]), result)
+    if options.json:
+        write_json(Path(options.json), result)
+
+
+def read_options(arguments: Sequence[str] | None = None) -> Any:
+    """Read the command line."""
+    return parse_quick(_parser(), arguments, **QUICK)
+
+
+def training_of(options: Any) -> CoverageTraining:
+    """Settings of a run from the options of its command line."""
+    values = options.as_dict()
+    return CoverageTraining.from_plain({field.name: values[field.name] for field in fields(CoverageTraining)})
 
 
 def _mean(values: Any) -> float:
@@ -91,8 +98,7 @@ def _parser() -> ArgumentParser:
     parser = ArgumentParser(prog="python -m train.coverage", description=__doc__.splitlines()[0])
     parser.add_argument("--config", action="config", help="YAML file with any of these options")
     parser.add_class_arguments(CoverageTraining)
-    flag = ActionYesNo(yes_prefix="", no_prefix="no-")
-    parser.add_argument("--quick", action=flag, default=False, help="less than a minute's worth")
+    add_quick_option(parser, "less than a minute's worth: few homes, short episodes, two rounds")
     parser.add_argument("--json", default=None, help="write curve and baselines to this file")
     return spell_with_dashes(parser)
 

@@ -186,9 +186,8 @@ class NavigatorRun:
             logger.record(f"eval/{name}", value)
 
     def _finish(self, net: NavigatorNet, logger: Logger) -> None:
-        last = self.progress.curve[-1:]
-        now = (self.progress.stage, self.progress.frames)
-        if now not in [(point["stage"], point["frames"]) for point in last]:
+        last = self.progress.curve[-1] if self.progress.curve else {}
+        if (last.get("stage"), last.get("frames")) != (self.progress.stage, self.progress.frames):
             self._add_point(net, logger)
             logger.dump(self.progress.frames)
         self.progress.cpu_s = self._cpu_before_s + time.process_time()

@@ -10,7 +10,7 @@ import torch
 from stable_baselines3.common.env_checker import check_env
 
 from anm_gym.wrappers.coverage_reward import CoverageWeights
-from train.coverage.__main__ import main, quick, train_explorer
+from train.coverage.__main__ import main, read_options, train_explorer, training_of
 from train.coverage.run import CoverageRun, load_explorer, score_baseline
 from train.coverage.settings import (
     CoverageTraining,
@@ -195,11 +195,13 @@ def test_settings_survive_json():
     )
 
 
-def test_quick_is_the_same_in_small():
-    small = quick(CoverageTraining())
-    assert small.steps <= 4000
-    assert small.num_rounds * small.round_steps >= small.steps
-    assert small.view == CoverageTraining().view
+def test_quick_is_the_same_in_small_but_for_what_is_given():
+    full, small = (training_of(read_options(words)) for words in ([], ["--quick"]))
+    assert full == CoverageTraining()
+    assert (small.num_rounds, small.view) == (2, full.view)
+    assert small.out != full.out, "what it leaves is not taken for the full run's"
+    given = training_of(read_options(["--quick", "--steps", "800", "--learner.num-envs", "2"]))
+    assert (given.steps, given.learner) == (800, replace(small.learner, num_envs=2))
 
 
 def test_ranges_of_homes_are_written_out():
