@@ -1,6 +1,5 @@
 """Goals of a planner that knows the mesh: the upper bound that tables are normalised by."""
 
-from dataclasses import replace
 from typing import Final, final
 
 import gymnasium
@@ -10,6 +9,7 @@ from gymnasium.utils import RecordConstructorArgs
 from anm_gym.envs.mesh_env import MeshEnv, Observation
 from anm_gym.metrics.oracle import GoalPose, GreedyCoverage, OracleSettings
 from anm_gym.metrics.table_cache import load_view_table
+from anm_gym.registration import EXPLORE_STEPS
 from anm_gym.sim.simulator import Simulator
 from anm_gym.wrappers.goal import Goal, GoalLimits, GoalWrapper
 
@@ -36,7 +36,8 @@ class OracleCoverageGoalWrapper(GoalWrapper):
     def __init__(self, env: gymnasium.Env[Observation, np.int64], seed: int = 0) -> None:
         RecordConstructorArgs.__init__(self, seed=seed)
         super().__init__(env, limits=LIMITS, seed=seed)
-        self.coverage = self._settings()
+        forward_step_m, turn_step_rad = self.step_sizes
+        self.coverage = OracleSettings(forward_step_m=forward_step_m, turn_step_rad=turn_step_rad)
         self._simulator: Simulator | None = None
 
     @property
@@ -51,17 +52,17 @@ class OracleCoverageGoalWrapper(GoalWrapper):
             self._simulator = env.simulator
             component = env.simulator.grid.component_at(self.position_xz)
             table = load_view_table(env.scene.storey_mesh, env.simulator, max(component, 1))
-            self._planner = GreedyCoverage(table, env.simulator.grid, self.coverage)
+            self._planner = GreedyCoverage(
+                table, env.simulator.grid, self.coverage, horizon_steps=self._horizon_steps()
+            )
         self._planner.reset()
         self._target: GoalPose | None = None
         self._num_failures = 0
 
-    def _settings(self) -> OracleSettings:
-        """The agent's own steps; tours reach to the end of the episode, where it has one."""
-        forward_step_m, turn_step_rad = self.step_sizes
-        settings = OracleSettings(forward_step_m=forward_step_m, turn_step_rad=turn_step_rad)
+    def _horizon_steps(self) -> int:
+        """Tours reach to the end of the episode, where it has one; no setting, as rows name the budget."""
         budget = None if self.env.spec is None else self.env.spec.max_episode_steps
-        return settings if budget is None else replace(settings, horizon_steps=budget)
+        return EXPLORE_STEPS if budget is None else budget
 
     def _see(self, observation: Observation) -> None:
         with self.stopwatch("goal"):

@@ -30,8 +30,6 @@ class OracleSettings:
     """Length of the agent's forward step, metres."""
     turn_step_rad: float = float(np.deg2rad(TURN_STEP_DEG))
     """Angle of its turn, radians."""
-    horizon_steps: int = 1000
-    """Budget of the episode, steps; tours reach to its end."""
     overhead_steps: float = 3.0
     """Added to the cost of every pose, so that tiny gains next door do not win, steps."""
     num_refined: int = 48
@@ -45,7 +43,7 @@ class OracleSettings:
 
     def __post_init__(self) -> None:
         check_positive(self, "forward_step_m", "turn_step_rad")
-        check_at_least(self, 1, "horizon_steps", "num_refined", "tour_stride")
+        check_at_least(self, 1, "num_refined", "tour_stride")
         check_at_least(self, 0, "overhead_steps", "first_trials", "later_trials")
 
 
@@ -80,7 +78,13 @@ class GreedyCoverage:
     """
 
     def __init__(
-        self, table: ViewTable, grid: TraversableGrid, settings: OracleSettings | None = None, seed: int = 0
+        self,
+        table: ViewTable,
+        grid: TraversableGrid,
+        settings: OracleSettings | None = None,
+        seed: int = 0,
+        *,
+        horizon_steps: int = 1000,
     ) -> None:
         """Start with nothing covered.
 
@@ -89,9 +93,15 @@ class GreedyCoverage:
             grid: The true traversable grid, on which ways are planned.
             settings: How far and how hard to look ahead.
             seed: Seed of the local search.
+            horizon_steps: Budget of the episode; tours reach to its end.
+
+        Raises:
+            ValueError: If `horizon_steps` is less than 1.
         """
+        if horizon_steps < 1:
+            raise ValueError(f"`horizon_steps` must be >= 1, got {horizon_steps}")
         self.settings = settings or OracleSettings()
-        self._table, self._seed = table, seed
+        self._table, self._seed, self._horizon_steps = table, seed, horizon_steps
         self._ways = WayPlanner(
             table,
             grid,
@@ -183,7 +193,7 @@ class GreedyCoverage:
 
     def _best_tour(self, place: Place, missing: NDArray[np.uint64]) -> Tour:
         """Better the greedier of two tours: the one that is being followed, and a new greedy one."""
-        budget = max(100.0, float(self.settings.horizon_steps - self._num_frames))
+        budget = max(100.0, float(self._horizon_steps - self._num_frames))
         search = TourSearch(
             self._ways, self._tour_bits, self._known_ways, place, missing, self._is_open, budget
         )

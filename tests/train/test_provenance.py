@@ -6,9 +6,13 @@ from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
+import pytest
 
+from agents.roster import build_agent
 from anm_gym.mesh import TriangleMesh
+from train.episodes import make_env
 from train.provenance import commit_of, digest, effective_settings, geometry_digest, versions
+from train.tables.rosters import TABLES
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,6 +45,20 @@ def test_settings_of_every_layer_are_collected():
 def test_default_settings_and_the_same_settings_spelled_out_are_equal():
     implicit, explicit = MapWrapper(BareEnv()), MapWrapper(BareEnv(), settings=Settings())
     assert digest(effective_settings(implicit, Policy())) == digest(effective_settings(explicit, Policy()))
+
+
+@pytest.mark.parametrize("agent", TABLES["table1"].agents("fast"))
+def test_budget_and_scene_are_no_settings_of_any_agent_of_the_table(agent):
+    """A protocol gives large scenes more steps; its rows of an agent must still go into one line."""
+    digests = set()
+    for scene, steps in (("home:studio:1", 30), ("home:studio:2", 50)):
+        built = build_agent(
+            agent, make_env(scene, steps, {"camera": {"width_px": 32, "height_px": 32}}), seed=3
+        )
+        built.env.reset(seed=3)
+        digests.add(digest(effective_settings(built.env, built.policy)))
+        built.env.close()
+    assert len(digests) == 1
 
 
 def test_seed_is_no_setting():
