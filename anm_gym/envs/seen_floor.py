@@ -3,22 +3,24 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from anm_gym.envs.largest_part import LARGEST
 from anm_gym.geometry import CameraSpec, forward_xz
 from anm_gym.sim.simulator import AgentState
 from anm_gym.sim.traversable import TraversableGrid
 
 STRIDE = 2
 """Every second cell along rows and columns is looked for: 10 cm apart with the default grid."""
-LARGEST = 1
-"""Label of the connected part on which episodes are played."""
+SLACK_M = 0.2
+"""What a pixel shows may lie so much before a place and still be the place, metres: less than what parts the
+floor on the two sides of a thin wall."""
 
 
 class SeenFloor:
     """The floor that an agent could stand on, and which of it has been seen.
 
-    A place has been seen when the pixel that it falls on shows nothing higher above the floor than
-    what the body steps over. Looked up in the image rather than ray cast, this takes a fraction of a
-    millisecond.
+    A place has been seen when the pixel that it falls on shows nothing nearer, and nothing higher above
+    the floor than what the body steps over. Looked up in the image rather than ray cast, this takes a
+    fraction of a millisecond.
 
     Args:
         grid: Where the body fits; only its largest part counts.
@@ -39,8 +41,11 @@ class SeenFloor:
         self._points_xz = grid.frame.centers_of(rows_columns).astype(np.float32)
         self._num_cells = max(1, len(self._cells))
         self._camera = camera
-        self._floor_depth_m = _floor_depth(camera)
-        self._higher = max(0.0, 1.0 - grid.body.climb_m / camera.sensor_height_m)
+        below_px = np.arange(camera.height_px) - 0.5 * camera.height_px
+        floor_m, far_edge_m = _floor_depth(camera, below_px + 0.5), _floor_depth(camera, below_px)
+        self._least_m = max(0.0, 1.0 - grid.body.climb_m / camera.sensor_height_m) * floor_m
+        extent_m = np.subtract(far_edge_m, floor_m, out=np.zeros_like(floor_m), where=floor_m < np.inf)
+        self._slack_m = np.maximum(extent_m, SLACK_M)
 
     @property
     def fraction(self) -> float:
@@ -93,13 +98,13 @@ class SeenFloor:
         framed = np.flatnonzero((columns >= 0) & (columns < camera.width_px) & (rows < camera.height_px))
         rows = rows[framed]
         shown_m = depth_m[rows, columns[framed]]
-        is_floor = (shown_m > 0.0) & (shown_m >= self._higher * self._floor_depth_m[rows])
-        return np.asarray(inside[framed[is_floor]])
+        is_low = (shown_m > 0.0) & (shown_m >= self._least_m[rows])
+        is_there = shown_m >= ahead_m[framed] - self._slack_m[rows]
+        return np.asarray(inside[framed[is_low & is_there]])
 
 
-def _floor_depth(camera: CameraSpec) -> NDArray[np.float32]:
-    """(H,) planar depth of an endless floor in each row, metres; infinite from the horizon up."""
-    below = np.arange(camera.height_px) + 0.5 - 0.5 * camera.height_px
-    depth_m = np.full(camera.height_px, np.inf)
-    np.divide(camera.sensor_height_m * camera.focal_px, below, out=depth_m, where=below > 0.0)
+def _floor_depth(camera: CameraSpec, below_px: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Planar depth of an endless floor so far below the image's middle, metres; infinite from there up."""
+    depth_m = np.full(below_px.shape, np.inf)
+    np.divide(camera.sensor_height_m * camera.focal_px, below_px, out=depth_m, where=below_px > 0.0)
     return depth_m.astype(np.float32)
