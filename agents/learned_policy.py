@@ -1,7 +1,7 @@
 """A trained network at work: its recurrent state, and actions drawn from what it says."""
 
 from collections.abc import Sequence
-from typing import Any, final
+from typing import Any, Final, final
 
 import numpy as np
 import torch
@@ -9,15 +9,18 @@ from numpy.typing import NDArray
 
 from agents.navigator_net import NavigatorNet
 
+_DRAWS: Final = 1
+"""Tells the draws of actions from others of the same seed."""
+
 
 @final
 class LearnedPolicy:
-    """Act for N agents with one network.
+    """Act for N agents with one network; each draws for itself, whoever acts beside it.
 
     Args:
         net: The network.
         num_agents: N.
-        seed: Seeds the draws.
+        seed: Seeds the draws of all agents that are not given a seed of their own.
         deterministic: Take the likeliest action instead of drawing one.
     """
 
@@ -25,19 +28,27 @@ class LearnedPolicy:
         self, net: NavigatorNet, num_agents: int = 1, seed: int = 0, *, deterministic: bool = False
     ) -> None:
         self._net, self._deterministic = net, deterministic
-        self._rng = np.random.default_rng(seed)
+        self._rngs = [_draws_of(seed) for _ in range(num_agents)]
         self._state = net.first_state(num_agents)
         self._starts = np.ones(num_agents, np.float32)
 
-    def begin(self, index: int) -> None:
-        """Forget an agent's past: a new episode, or a new goal."""
+    def begin(self, index: int, seed: int | None = None) -> None:
+        """Forget an agent's past.
+
+        Args:
+            index: Which.
+            seed: Seeds what it draws in a new episode; None for a new goal, its draws go on.
+        """
         self._starts[index] = 1.0
+        if seed is not None:
+            self._rngs[index] = _draws_of(seed)
 
     def keep(self, agents: Sequence[int]) -> None:
         """Go on with some of the agents only, in the order given."""
         hidden, cell = self._state
         self._state = hidden[:, agents], cell[:, agents]
         self._starts = self._starts[agents]
+        self._rngs = [self._rngs[agent] for agent in agents]
 
     @torch.no_grad()
     def log_probabilities(self, observation: dict[str, NDArray[Any]]) -> NDArray[np.float64]:
@@ -63,5 +74,10 @@ class LearnedPolicy:
         if allowed is not None:
             scores = np.where(allowed, scores, -np.inf)
         if not self._deterministic:
-            scores = scores + self._rng.gumbel(size=scores.shape)
+            scores = scores + np.stack([rng.gumbel(size=scores.shape[1]) for rng in self._rngs])
         return np.asarray(scores.argmax(axis=1), np.int64)
+
+
+def _draws_of(seed: int) -> np.random.Generator:
+    """The draws of an agent, which are not those of its environment under the same seed."""
+    return np.random.default_rng([_DRAWS, seed])

@@ -46,7 +46,8 @@ class NavigationObserver:
         self._memory = EgoMemory(num_agents, camera, settings.memory) if settings.uses_maps else None
         self._sensor_height_m = np.broadcast_to(np.float32(sensor_height_m), (num_agents,))
         self._forward_step_m = np.broadcast_to(np.float32(forward_step_m), (num_agents,))
-        self._previous = np.full(num_agents, NUM_PREVIOUS - 1, np.uint8)
+        self._actions = np.full(num_agents, NUM_PREVIOUS - 1, np.uint8)
+        self._is_start = np.ones(num_agents, bool)
         self._reflexes = Reflexes(num_agents, self._forward_step_m, turn_step_rad=turn_step_rad)
         self._rows, self._columns = (
             spread_pixels(count, settings.image_px) for count in (camera.height_px, camera.width_px)
@@ -69,25 +70,25 @@ class NavigationObserver:
         if self._memory is not None:
             self._memory.reset(index)
         self._reflexes.begin(index)
-        self._previous[index] = NUM_PREVIOUS - 1
+        self._actions[index], self._is_start[index] = NUM_PREVIOUS - 1, True
 
     def begin_goal(self, index: int) -> None:
-        """Forget what an agent has done, but not what it has seen: a new goal, the same place."""
+        """Show the network a start, but forget nothing that was seen or touched: the place is the same."""
         self._reflexes.begin_goal(index)
-        self._previous[index] = NUM_PREVIOUS - 1
+        self._is_start[index] = True
 
     def keep(self, agents: Sequence[int]) -> None:
         """Go on with some of the agents only, in the order given."""
         self._sensor_height_m = self._sensor_height_m[agents]
         self._forward_step_m = self._forward_step_m[agents]
-        self._previous = self._previous[agents]
+        self._actions, self._is_start = self._actions[agents], self._is_start[agents]
         self._reflexes.keep(agents)
         if self._memory is not None:
             self._memory.keep(agents)
 
     def note(self, actions: NDArray[np.integer]) -> None:
         """Take note of the actions that the N agents carry out now."""
-        self._previous[:] = actions
+        self._actions[:], self._is_start[:] = actions, False
 
     def observe(
         self,
@@ -105,19 +106,19 @@ class NavigationObserver:
         Returns:
             The keys of `shapes`, with a first axis for the agents; see `NavigatorEncoder`.
         """
-        self._reflexes.update(world_from_camera, pointgoal[:, 0], self._previous)
+        self._reflexes.update(world_from_camera, pointgoal[:, 0], self._actions)
         images = depth_m.reshape(depth_m.shape[:3])
         seen = images[:, self._rows[:, None], self._columns]
         scaled = np.rint(np.clip(seen * (255.0 / MAX_DEPTH_M), 0.0, 255.0))
         batch: Batch = {
             "depth": scaled.astype(np.uint8)[:, None],
             "goal": pointgoal.astype(np.float32),
-            "previous_action": self._previous[:, None].copy(),
+            "previous_action": np.where(self._is_start, NUM_PREVIOUS - 1, self._actions)[:, None],
             "forward_step_m": self._forward_step_m[:, None].copy(),
         }
         if self._memory is not None:
             self._memory.update(
-                images, world_from_camera, self._sensor_height_m, self._previous, self._forward_step_m
+                images, world_from_camera, self._sensor_height_m, self._actions, self._forward_step_m
             )
             batch["maps"] = self._memory.crops(world_from_camera)
             batch["waves"] = self._memory.waves(world_from_camera, _goals_of(world_from_camera, pointgoal))

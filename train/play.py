@@ -9,10 +9,9 @@ from jsonargparse import ArgumentParser
 from tqdm import tqdm
 
 from train.backends import BACKENDS, Backend, run_on
-from train.command import scene_label
 from train.episodes import Job, play
-from train.provenance import file_digest
-from train.results import MAP_LEFT_OUT, SCENE_FILE, Row, append_row, finished_keys, read_rows, row_key
+from train.provenance import check_scene_files
+from train.results import MAP_LEFT_OUT, Row, append_row, finished_keys, read_rows, row_key
 from train.tables.measures import agent_name
 
 ROWS_FILE: Final = "rows.jsonl"
@@ -43,7 +42,7 @@ def play_missing(
     """
     path = out / ROWS_FILE
     rows = read_rows(path)
-    _check_scene_files(jobs, rows, path)
+    check_scene_files((job.scene for job in jobs), rows, path)
     finished, scored = finished_keys(rows), finished_keys(row for row in rows if not row.get(MAP_LEFT_OUT))
     missing = [job for job in jobs if job.key not in (scored if job.with_maps else finished)]
     bar = tqdm(total=len(jobs), initial=len(jobs) - len(missing), unit="episode", smoothing=0.1)
@@ -76,18 +75,6 @@ def report_failures(rows: Iterable[Row]) -> None:
         print(f"failed: {name} in {row['scene']}, seed {row['seed']}: {_outcome(row)}", file=sys.stderr)
     if failed:
         sys.exit(1)
-
-
-def _check_scene_files(jobs: Sequence[Job], rows: Sequence[Row], path: Path) -> None:
-    scenes = {scene_label(job.scene): job.scene for job in jobs}
-    files = {label: file_digest(scene) for label, scene in scenes.items()}
-    for row in rows:
-        played, label = row.get(SCENE_FILE), row["scene"]
-        if played is not None and label in files and played != files[label]:
-            raise ValueError(
-                f"the rows of {label} in {path} must come from {scenes[label]} as it is now, got those of "
-                "another file; write to another `--out` folder, or rename the file"
-            )
 
 
 def _rows_of(jobs: Iterable[Job], rows: Iterable[Row]) -> list[Row]:

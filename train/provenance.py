@@ -4,7 +4,7 @@ import hashlib
 import json
 import platform
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, is_dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -16,7 +16,9 @@ import gymnasium as gym
 import numpy as np
 
 from anm_gym.mesh import TriangleMesh
+from train.command import scene_label
 from train.recorder import env_layers
+from train.results import SCENE_FILE, Row
 
 PACKAGES: Final = ("anm-gym", "gymnasium", "numpy", "scipy", "torch", "embreex")
 """Packages whose version can change a number."""
@@ -77,6 +79,28 @@ def file_digest(scene: str) -> str:
         return ""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()[:16]
+
+
+def check_scene_files(scenes: Iterable[str], rows: Iterable[Row], path: Path) -> None:
+    """Refuse to go on with rows of scenes that are other files by now.
+
+    Args:
+        scenes: Names or paths of what is to be played.
+        rows: What was played already; rows without `SCENE_FILE` are taken as they are.
+        path: Where the rows lie, for the message.
+
+    Raises:
+        ValueError: If rows of a scene were played in another file of that name, or before it changed.
+    """
+    named = {scene_label(scene): scene for scene in scenes}
+    files = {label: file_digest(scene) for label, scene in named.items()}
+    for row in rows:
+        played, label = row.get(SCENE_FILE), row["scene"]
+        if played is not None and label in files and played != files[label]:
+            raise ValueError(
+                f"the rows of {label} in {path} must come from {named[label]} as it is now, got those of "
+                "another file; write to another `--out` folder, or rename the file"
+            )
 
 
 @cache

@@ -6,7 +6,7 @@ The tables made of the rows are in `train.tables.comparison`; this module knows 
 import json
 import math
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -31,9 +31,9 @@ MAP_LEFT_OUT: Final = "map_left_out"
 """Field that tells whether there was a map that nobody scored, so that its measures are still missing."""
 
 
-def row_key(row: Mapping[str, Any]) -> Key:
+def row_key(row: Mapping[str, Any], fields: Sequence[str] = KEY_FIELDS) -> Key:
     """Name the episode of a row: equal keys are the same episode under the same protocol."""
-    return tuple(row[field] for field in KEY_FIELDS)
+    return tuple(row[field] for field in fields)
 
 
 def append_row(path: Path, row: Mapping[str, Any]) -> None:
@@ -64,17 +64,18 @@ def write_json(path: Path, value: Any) -> Path:
     return path
 
 
-def read_rows(path: Path) -> list[Row]:
+def read_rows(path: Path, fields: Sequence[str] = KEY_FIELDS) -> list[Row]:
     """Read the rows of a file, leaving out lines that a killed process tore.
 
     Args:
         path: The JSON lines file.
+        fields: The fields that name an episode in this file.
 
     Returns:
         The rows in file order, later rows of a key replacing earlier ones; empty if there is no file.
 
     Raises:
-        ValueError: If a whole line lacks one of `KEY_FIELDS`: the file is not one of result rows.
+        ValueError: If a whole line lacks one of `fields`: the file is not one of such rows.
     """
     if not path.exists():
         return []
@@ -83,10 +84,10 @@ def read_rows(path: Path) -> list[Row]:
         row = _parse(line)
         if row is None:
             continue
-        missing = [field for field in KEY_FIELDS if field not in row]
+        missing = [field for field in fields if field not in row]
         if missing:
             raise ValueError(f"line {number} of {path} must have the fields of a result row, lacks {missing}")
-        rows[row_key(row)] = row
+        rows[row_key(row, fields)] = row
     return list(rows.values())
 
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from agents.ego_memory import BLOCKED
 from agents.navigation_observer import NavigationObserver
-from agents.navigator_net import NavigatorNetSettings
+from agents.navigator_net import NUM_PREVIOUS, NavigatorNetSettings
 from agents.reflexes import MAX_TURNS
 from anm_gym.actions import Action
 from anm_gym.geometry import CameraSpec, camera_pose
@@ -84,3 +85,19 @@ def test_new_episode_is_seen_as_by_a_new_observer(frames) -> None:
     again, first = (observer.observe(*frames[0]) for observer in (used, new))
     for key, values in first.items():
         np.testing.assert_array_equal(again[key], values, err_msg=key)
+
+
+def test_new_goal_does_not_make_a_blocked_step_forgotten() -> None:
+    """The goal often changes just then: the network is shown a start, the memory what stopped the agent."""
+    observer = NavigationObserver(1, CameraSpec(16, 16), 1.25, 0.25, NavigatorNetSettings())
+    depth, goal = np.full((1, 16, 16), 8.0, np.float32), np.array([[3.0, 0.5]], np.float32)
+    pose = camera_pose((0.0, 1.25, 0.0), 0.0)[None].astype(np.float32)
+    observer.observe(depth, pose, goal)
+    observer.note(np.array([int(Action.MOVE_FORWARD)]))
+    observer.begin_goal(0)
+    shown = observer.observe(depth, pose, goal)
+    assert (shown["maps"] & BLOCKED).any()
+    assert not observer.allowed(pose, goal)[0, int(Action.MOVE_FORWARD)]
+    assert shown["previous_action"].tolist() == [[NUM_PREVIOUS - 1]]
+    observer.note(np.array([int(Action.TURN_LEFT)]))
+    assert observer.observe(depth, pose, goal)["previous_action"].tolist() == [[int(Action.TURN_LEFT)]]

@@ -36,7 +36,6 @@ def play_learned(
     *,
     deterministic: bool,
     num_agents: int = 16,
-    seed: int = 0,
 ) -> list[dict[str, Any]]:
     """Play episodes of one step length, as many at a time as there are agents.
 
@@ -44,8 +43,7 @@ def play_learned(
         net: The network.
         episodes: What to play; those of a scene should be neighbours.
         deterministic: Take the likeliest action instead of drawing one.
-        num_agents: Episodes that are played side by side.
-        seed: Seeds the draws.
+        num_agents: Episodes that are played side by side; which they are changes none of them.
 
     Returns:
         `RESULTS` of each episode, in their order.
@@ -59,7 +57,7 @@ def play_learned(
     count = min(num_agents, len(episodes))
     envs = [make_pointnav(episodes[index], net.settings.image_px) for index in range(count)]
     lockstep = Lockstep(envs, step_limit(steps.pop()))
-    policy = LearnedPolicy(net, count, seed, deterministic=deterministic)
+    policy = LearnedPolicy(net, count, deterministic=deterministic)
     table = _Table(lockstep, net, policy)
     waiting = iter(enumerate(episodes))
     playing = [table.deal(agent, next(waiting)) for agent in range(count)]
@@ -103,7 +101,7 @@ class _Table:
         seat, options = self._seats[agent], {"scene": episode.scene}
         self._last[agent] = self._lockstep.reset(seat, episode.seed, options)
         self._observer.begin_episode(agent)
-        self._policy.begin(agent)
+        self._policy.begin(agent, episode.seed)
         return number
 
     def keep(self, agents: Sequence[int]) -> None:

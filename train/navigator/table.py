@@ -1,6 +1,5 @@
 """Navigators compared on point-goal episodes: `python -m train.navigator --evaluate`."""
 
-import json
 from collections import Counter
 from collections.abc import Container, Iterable, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -17,8 +16,8 @@ from train.command import scene_label
 from train.navigator.driven import play_driven
 from train.navigator.episodes import NavigationEpisode, episodes_of, play_learned
 from train.pool import run_jobs
-from train.provenance import digest, versions
-from train.results import append_row, write_json
+from train.provenance import check_scene_files, digest, file_digest, versions
+from train.results import SCENE_FILE, Row, append_row, read_rows, row_key, write_json
 from train.tables.text import aligned
 
 IMAGE_PX: Final = 64
@@ -26,7 +25,6 @@ IMAGE_PX: Final = 64
 ALL: Final = "all"
 """Stands for all scenes together."""
 KEY: Final = ("navigator", "weights", "scene", "seed", "step_m", "draws")
-Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -55,6 +53,13 @@ class NavigationComparison:
                 raise ValueError(f"unknown navigator {name!r}; choose one of: {known}, or give a file")
         if len(set(self.navigators)) != len(self.navigators):
             raise ValueError(f"`navigators` must differ, got {', '.join(self.navigators)}")
+        if self.deterministic and (
+            drawing := [name for name in self.navigators if name in LEARNED and _weights_of(name) is None]
+        ):
+            raise ValueError(
+                f"`navigators` must not name {', '.join(drawing)} where the likeliest actions are asked for: "
+                "drawing is part of what they are"
+            )
         labels = [scene_label(scene) for scene in self.scenes]
         if len(set(labels)) != len(labels):
             raise ValueError(f"`scenes` must have different names in the rows, got {', '.join(labels)}")
@@ -87,14 +92,15 @@ def compare_navigators(comparison: NavigationComparison, json_path: Path | None 
         The lines of the table: one per navigator and scene, and one per navigator for all scenes.
     """
     path = comparison.out / "episodes.jsonl"
-    rows = {_key_of(row): row for row in _read(path)}
+    rows = {row_key(row, KEY): row for row in read_rows(path, KEY)}
+    check_scene_files(comparison.scenes, rows.values(), path)
     asked = _jobs(comparison)
     jobs = [missing for job in asked if (missing := _without(job, rows)).episodes]
     with tqdm(total=sum(len(job.episodes) for job in jobs), unit="episode") as bar:
         for job, played in run_jobs(play, jobs, comparison.workers):
             for row in played:
                 append_row(path, row)
-                rows[_key_of(row)] = row
+                rows[row_key(row, KEY)] = row
             bar.update(len(job.episodes))
     wanted = [rows[key] for job in asked for key in _keys(job)]
     lines = [line for name in comparison.navigators for line in _lines(name, wanted)]
@@ -110,33 +116,43 @@ def play(job: Job) -> list[Row]:
         results = play_learned(load_policy(weights), job.episodes, deterministic=job.deterministic)
     else:
         results = [play_driven(job.navigator, episode, IMAGE_PX) for episode in job.episodes]
-    commit = versions()["commit"]
+    source = {SCENE_FILE: file_digest(job.episodes[0].scene), "commit": versions()["commit"]}
     return [
-        {**dict(zip(KEY, key, strict=True)), **result, "commit": commit}
+        {**dict(zip(KEY, key, strict=True)), **result, **source}
         for key, result in zip(_keys(job), results, strict=True)
     ]
 
 
 def summarise(navigator: str, scene: str, rows: Sequence[Row]) -> Row:
-    """One line of the table: means with 95 % confidence intervals."""
-    count = len(rows)
-    successes = sum(bool(row["is_success"]) for row in rows)
-    low, high = wilson_interval(successes, count)
+    """One line of the table: means with 95 % intervals; of several scenes, their means are what varies."""
+    count, scenes = len(rows), [row["scene"] for row in rows]
+    success, low, high = _success(rows)
     line: Row = {
         "navigator": navigator,
         "draws": rows[0]["draws"],
         "scene": scene,
         "step_m": rows[0]["step_m"],
         "episodes": count,
-        "success": successes / count,
+        "success": success,
         "success_low": low,
         "success_high": high,
     }
     for key in ("spl", "soft_spl", "collisions"):
-        interval = mean_interval([float(row[key]) for row in rows])
+        interval = mean_interval([float(row[key]) for row in rows], clusters=scenes)
         line |= {key: interval.mean, f"{key}_half_width": interval.half_width if count > 1 else None}
     handovers = [row["handovers"] for row in rows if "handovers" in row]
     return line | {"handovers": sum(handovers) / len(handovers) if handovers else None}
+
+
+def _success(rows: Sequence[Row]) -> tuple[float, float, float]:
+    """Share of successes and its bounds: Wilson's, and where scenes differ by more than chance, theirs."""
+    values = [float(row["is_success"]) for row in rows]
+    low, high = wilson_interval(round(sum(values)), len(values))
+    over_scenes = mean_interval(values, clusters=[row["scene"] for row in rows])
+    mean, half_width = over_scenes.mean, over_scenes.half_width
+    if len({row["scene"] for row in rows}) > 1:
+        low, high = min(low, mean - half_width), max(high, mean + half_width)
+    return mean, max(low, 0.0), min(high, 1.0)
 
 
 def _lines(navigator: str, rows: Iterable[Row]) -> list[Row]:
@@ -232,18 +248,3 @@ def policy_digest(navigator: str) -> str:
         return ""
     weights = LEARNED[navigator].policy if navigator in LEARNED else navigator
     return digest(asdict(policy_identity(load_policy(weights))))
-
-
-def _key_of(row: Row) -> tuple[Any, ...]:
-    return tuple(row.get(name) for name in KEY)
-
-
-def _read(path: Path) -> list[Row]:
-    """Rows of an earlier start; a line that was torn is left out."""
-    rows = []
-    for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else []:
-        try:
-            rows.append(json.loads(line))
-        except ValueError:
-            continue
-    return rows

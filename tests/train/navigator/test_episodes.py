@@ -53,11 +53,13 @@ def test_agents_side_by_side_do_what_one_does_alone(net: NavigatorNet) -> None:
         assert first["distance_to_goal_m"] == pytest.approx(second["distance_to_goal_m"], abs=1e-3)
 
 
-def test_drawn_actions_repeat_with_their_seed(net: NavigatorNet) -> None:
-    episodes = episodes_of(SCENES, 2, 0.25)
-    first, second, other = (play_learned(net, episodes, deterministic=False, seed=seed) for seed in (0, 0, 1))
-    assert first == second
-    assert first != other
+def test_drawn_actions_are_those_of_the_episode_whoever_plays_beside_it(net: NavigatorNet) -> None:
+    """So that a comparison which goes on, or is made longer, has the rows of one that was never stopped."""
+    episodes = episodes_of(SCENES, 4, 0.25)
+    together = play_learned(net, episodes, deterministic=False, num_agents=3)
+    alone = [play_learned(net, [one], deterministic=False)[0] for one in reversed(episodes)]
+    assert [one["step"] for one in together] == [one["step"] for one in reversed(alone)]
+    assert together != play_learned(net, episodes, deterministic=True)
 
 
 def test_different_steps_cannot_be_played_together(net: NavigatorNet) -> None:
@@ -160,6 +162,7 @@ def test_scenes_must_have_different_names() -> None:
 def test_line_of_the_table_is_what_a_hand_counts() -> None:
     rows = [
         {
+            "scene": "one",
             "draws": "own",
             "step_m": 0.25,
             "is_success": success,
@@ -176,9 +179,30 @@ def test_line_of_the_table_is_what_a_hand_counts() -> None:
     assert line["soft_spl_half_width"] == pytest.approx(0.0)
 
 
+def test_interval_of_several_scenes_is_over_the_scenes() -> None:
+    """Two scenes of a hundred goals each tell of two scenes, not of two hundred goals."""
+    episode = {"draws": "own", "step_m": 0.25, "soft_spl": 0.5, "collisions": 0}
+    rows = [
+        {**episode, "scene": scene, "is_success": number < reached, "spl": share}
+        for scene, reached, share in (("easy", 100, 0.9), ("hard", 80, 0.5))
+        for number in range(100)
+    ]
+    line = summarise("planner", "all", rows)
+    assert (line["success"], line["spl"]) == (pytest.approx(0.9), pytest.approx(0.7))
+    assert line["spl_half_width"] == pytest.approx(12.706 * 0.2, rel=1e-3), "t of one degree of freedom"
+    assert (line["success_low"], line["success_high"]) == (0.0, 1.0)
+    one = summarise("planner", "easy", rows[:100])
+    assert one["success_low"] == pytest.approx(0.963, abs=1e-3), "Wilson's, as 100 of 100 vary not at all"
+
+
 def test_scenes_without_an_episode_are_not_left_out_silently() -> None:
     with pytest.raises(ValueError, match="`episodes` must be >= 1 for each of 2 scenes, got 1"):
         NavigationComparison(["oracle"], SCENES, 1, 0.25, deterministic=False)
+
+
+def test_navigator_that_always_draws_is_not_asked_for_its_likeliest_actions() -> None:
+    with pytest.raises(ValueError, match="must not name ddppo\\+fallback where the likeliest actions"):
+        NavigationComparison(["planner", "ddppo+fallback"], SCENES, 2, 0.25, deterministic=True)
 
 
 def test_repeated_navigator_is_refused() -> None:
