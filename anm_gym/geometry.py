@@ -11,6 +11,9 @@ from numbers import Integral, Real
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+LARGEST_DEPTH_M = 10_000.0
+"""No camera sees farther, metres: beyond, single precision no longer tells centimetres apart."""
+
 
 @dataclass(frozen=True)
 class CameraSpec:
@@ -55,6 +58,11 @@ class CameraSpec:
         if not 0.0 <= self.min_depth_m < self.max_depth_m:
             raise ValueError(
                 f"`min_depth_m` must be in [0, max_depth_m), got {self.min_depth_m} of {self.max_depth_m}"
+            )
+        if self.max_depth_m > LARGEST_DEPTH_M:
+            raise ValueError(
+                f"`max_depth_m` must be at most {LARGEST_DEPTH_M:g}, got {self.max_depth_m}; "
+                "a pixel that shows nothing is 0, however far the camera sees"
             )
 
     @property

@@ -38,8 +38,15 @@ class TriangleMesh:
             raise SceneError("the mesh must have at least one triangle, got 0; is the file empty?")
         if not np.isfinite(self.vertices).all():
             raise SceneError("every vertex must be finite, got NaN or infinity; load it with `load_scene`")
-        if self.faces.min() < 0 or self.faces.max() >= len(self.vertices):
-            raise SceneError(f"`faces` must index the {len(self.vertices)} vertices, got {self.faces.max()}")
+        lowest, highest = int(self.faces.min()), int(self.faces.max())
+        if lowest < 0 or highest >= len(self.vertices):
+            wrong = lowest if lowest < 0 else highest
+            raise SceneError(f"`faces` must index the {len(self.vertices)} vertices, got {wrong}")
+        if self.face_colors is not None and self.face_colors.shape != self.faces.shape:
+            raise SceneError(
+                f"`face_colors` must have shape {self.faces.shape}, one colour per face, "
+                f"got {self.face_colors.shape}"
+            )
 
     @cached_property
     def triangles(self) -> NDArray[np.float64]:

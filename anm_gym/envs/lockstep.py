@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anm_gym.actions import Action
 from anm_gym.envs.mesh_env import MeshEnv, Observation
 from anm_gym.sim.camera import DepthCamera
 
@@ -43,13 +42,20 @@ class Lockstep:
 
     Args:
         envs: Bare environments.
-        max_episode_steps: Steps after which an episode is truncated, for all or for each; None for never.
+        max_episode_steps: Steps after which an episode is truncated, for all or for each; None or, as
+            Gymnasium spells it, -1 for never.
+
+    Raises:
+        ValueError: If a limit is neither -1 nor at least 1.
     """
 
     def __init__(self, envs: Sequence[MeshEnv], max_episode_steps: int | Sequence[int] | None) -> None:
         self.envs = tuple(envs)
-        limits = max_episode_steps if max_episode_steps is not None else np.iinfo(np.int64).max
-        self._max_steps = np.broadcast_to(np.asarray(limits, np.int64), len(envs))
+        limits = np.asarray(-1 if max_episode_steps is None else max_episode_steps, np.int64)
+        if ((limits < 1) & (limits != -1)).any():
+            raise ValueError(f"`max_episode_steps` must be >= 1, or -1 for no limit, got {max_episode_steps}")
+        endless = np.iinfo(np.int64).max
+        self._max_steps = np.broadcast_to(np.where(limits == -1, endless, limits), len(envs))
 
     def reset(self, index: int, seed: int | None = None, options: dict[str, Any] | None = None) -> Transition:
         """Begin an episode in one of the environments; see `MeshEnv.reset`."""
@@ -65,9 +71,10 @@ class Lockstep:
 
         Raises:
             ValueError: If an action does not exist.
+            ResetNeeded: If an environment has no episode.
         """
         envs = [self.envs[index] for index in indices]
-        chosen = [Action(int(action)) for action in actions]
+        chosen = [env.action_of(action) for env, action in zip(envs, actions, strict=True)]
         motions = [env.move(action) for env, action in zip(envs, chosen, strict=True)]
         images = render_together(envs)
         transitions = []

@@ -17,6 +17,7 @@ from anm_gym.envs.picture import Moment, draw_moment
 from anm_gym.envs.shared_scenes import shared_scene, shared_simulator
 from anm_gym.errors import EpisodeError
 from anm_gym.geometry import CameraSpec, forward_xz, wrap_angle
+from anm_gym.scenes.catalog import takes_options
 from anm_gym.scenes.scene import Scene
 from anm_gym.sim.motion import Motion
 from anm_gym.sim.simulator import AgentState, Simulator
@@ -29,8 +30,8 @@ class MeshEnv(gymnasium.Env[Observation, np.int64], ABC):
     """An agent with a depth camera on one storey of a mesh; subclasses add the task.
 
     Everything random is drawn from `np_random`, so settings, seed and options decide an episode bit
-    for bit. An environment can be pickled and copied in the middle of an episode: the scene is made
-    again from its name.
+    for bit. An environment can be pickled and copied deeply in the middle of an episode: the scene is
+    made again from its name.
 
     Args:
         settings: The settings that all environments share.
@@ -85,9 +86,10 @@ class MeshEnv(gymnasium.Env[Observation, np.int64], ABC):
             The first observation and info.
 
         Raises:
-            ValueError: If an option is unknown or malformed.
+            ValueError: If an option is unknown or malformed, or the camera is above the scene's ceiling.
             SceneError: If the scene cannot be used.
-            EpisodeError: If start or goal is not on the largest navigable part of the storey.
+            EpisodeError: If start or goal is not on the largest navigable part of the storey, or no goal
+                lies at the distance that is asked for.
         """
         super().reset(seed=seed)
         asked = EpisodeOptions.read(options, self._option_names())
@@ -108,18 +110,30 @@ class MeshEnv(gymnasium.Env[Observation, np.int64], ABC):
             ValueError: If there is no such action.
             ResetNeeded: Before the first `reset`.
         """
-        if not self.trajectory:
-            raise gymnasium.error.ResetNeeded("no episode has begun; call `reset` first")
-        if not self.action_space.contains(action):
-            raise ValueError(f"`action` must be one of {[int(a) for a in Action]}, got {action!r}")
-        motion = self.move(Action(int(action)))
-        return self.judge(Action(int(action)), motion, self._simulator.depth_m())
+        chosen = self.action_of(action)
+        motion = self.move(chosen)
+        return self.judge(chosen, motion, self._simulator.depth_m())
+
+    def action_of(self, number: np.int64) -> Action:
+        """Read the number of an action.
+
+        Raises:
+            ValueError: If there is no such action.
+        """
+        if not self.action_space.contains(number):
+            raise ValueError(f"`action` must be one of {[int(a) for a in Action]}, got {number!r}")
+        return Action(int(number))
 
     def move(self, action: Action) -> Motion:
         """Carry out the first half of a step: the motion.
 
         The halves are apart for vectorised environments, which render between them all at once.
+
+        Raises:
+            ResetNeeded: If no episode has begun.
         """
+        if not self.trajectory:
+            raise gymnasium.error.ResetNeeded("no episode has begun; call `reset` first")
         forward_m, turn_rad = self.noise.draw_actuation(self.np_random)
         scale = 1.0 + forward_m / self.settings.forward_step_m
         motion = self._simulator.act(action, forward_scale=scale, turn_offset_rad=turn_rad)
@@ -204,8 +218,9 @@ class MeshEnv(gymnasium.Env[Observation, np.int64], ABC):
         """What `render` draws."""
 
     def _bind(self, scene_name: str) -> None:
-        """Put a scene in place unless it is there already."""
-        scene = shared_scene(scene_name, self.settings.scene_options)
+        """Put a scene in place unless it is there; options are for the settings' scene and for meshes."""
+        is_told = scene_name == self.settings.scene or takes_options(scene_name)
+        scene = shared_scene(scene_name, self.settings.scene_options if is_told else None)
         if scene is not self.__dict__.get("_scene"):
             settings = self.settings
             self._check_camera(scene)

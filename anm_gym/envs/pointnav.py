@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from typing import Any, Final, final
 
+import gymnasium
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from anm_gym.envs.mesh_env import UNBOUNDED, MeshEnv, Observation
 from anm_gym.envs.options import DEFAULT_SCENE, EpisodeOptions, MeshEnvSettings
 from anm_gym.envs.picture import Moment
 from anm_gym.geometry import pointgoal
-from anm_gym.sim.point_distance import DistanceToPoint
+from anm_gym.sim.point_distance import DistanceToPoint, Ways
 
 SLACK_REWARD: Final = -0.01
 """Reward of every step (Habitat)."""
@@ -100,12 +101,28 @@ class PointNavEnv(MeshEnv):
         self._success_m = success_m
         self._goal_range = GoalRange(min_distance_m, max_distance_m)
         super().__init__(MeshEnvSettings(scene=scene, render_mode=render_mode, **settings))
+        self._distance_to_goal: DistanceToPoint | None = None
         self._distance_m = self._shortest_m = float("inf")
         self._has_succeeded = False
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Of the distances, keep the ways that were found; the floor under them is made again."""
+        state = super().__getstate__()
+        if self._distance_to_goal is not None:
+            state["_distance_to_goal"] = self._distance_to_goal.ways
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Lay the ways on the floor of the scene."""
+        super().__setstate__(state)
+        if (ways := state["_distance_to_goal"]) is not None:
+            self._distance_to_goal = self._distances(ways)
 
     @property
     def goal_xz(self) -> NDArray[np.float64]:
         """(2,) the goal of the current episode, metres, world frame."""
+        if self._distance_to_goal is None:
+            raise gymnasium.error.ResetNeeded("there is no goal yet; call `reset` first")
         return self._goal_xz
 
     def _option_names(self) -> tuple[str, ...]:
@@ -123,7 +140,7 @@ class PointNavEnv(MeshEnv):
         else:
             self._require_largest_part("goal", options.goal)
             self._goal_xz = options.goal
-        self._distance_to_goal = DistanceToPoint(grid, simulator.graph, self._goal_xz)
+        self._distance_to_goal = self._distances()
         self._distance_m = self._shortest_m = self._distance_to_goal(start_xz)
         self._has_succeeded = False
 
@@ -135,7 +152,11 @@ class PointNavEnv(MeshEnv):
             self._look(self.simulator.depth_m())
             yield self.simulator.state.position_xz
 
+    def _distances(self, ways: Ways | None = None) -> DistanceToPoint:
+        return DistanceToPoint(self.simulator.grid, self.simulator.graph, self._goal_xz, ways=ways)
+
     def _judge(self, action: Action, _depth_m: NDArray[np.float32]) -> tuple[float, bool]:
+        assert self._distance_to_goal is not None, "an episode has begun"
         before_m, self._distance_m = (
             self._distance_m,
             self._distance_to_goal(self.simulator.state.position_xz),

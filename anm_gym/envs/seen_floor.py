@@ -11,8 +11,8 @@ from anm_gym.sim.traversable import TraversableGrid
 STRIDE = 2
 """Every second cell along rows and columns is looked for: 10 cm apart with the default grid."""
 SLACK_M = 0.2
-"""What a pixel shows may lie so much before a place and still be the place, metres: less than what parts the
-floor on the two sides of a thin wall."""
+"""What a pixel shows may lie so much before a place and still be the place, metres, or as much as its row of
+pixels covers: hardly more than what parts the floor on the two sides of a thin wall."""
 
 
 class SeenFloor:

@@ -64,17 +64,20 @@ def shared_simulator(
         turn_step_deg: Angle of its turn, degrees.
 
     Raises:
+        SceneError: If the storey has no floor, or is too large.
         BackendError: If the back end is missing.
     """
     worlds = _worlds.setdefault(scene, {})
     key = (camera, backend, device)
     if key not in worlds:
-        worlds[key] = Simulator(scene.mesh, scene.floor_y_m, camera, backend=backend, device=device)
+        worlds[key] = Simulator(
+            scene.mesh, scene.floor_y_m, camera, backend=backend, device=device, grid=shared_grid(scene)
+        )
     return worlds[key].twin(forward_step_m, turn_step_deg)
 
 
 def shared_grid(scene: Scene) -> TraversableGrid:
-    """Make the grid of where the agent's body fits in a scene, or hand out the one of a simulator there.
+    """Make the grid of where the agent's body fits in a scene, or hand out the one that was made before.
 
     Args:
         scene: The scene; it need not be one of `shared_scene`.
@@ -83,10 +86,7 @@ def shared_grid(scene: Scene) -> TraversableGrid:
         SceneError: If the storey has no floor, or is too large.
     """
     if scene not in _grids:
-        simulators = list(_worlds.get(scene, {}).values())
-        _grids[scene] = (
-            simulators[0].grid if simulators else TraversableGrid.from_mesh(scene.mesh, scene.floor_y_m)
-        )
+        _grids[scene] = TraversableGrid.from_mesh(scene.mesh, scene.floor_y_m)
     return _grids[scene]
 
 

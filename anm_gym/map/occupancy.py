@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
+from anm_gym.checks import check_positive
 from anm_gym.geometry import CameraSpec, forward_xz, heading_of
 from anm_gym.sim.grid import GridFrame
 
@@ -49,10 +50,7 @@ class OccupancySettings:
     """Frames of passing rays that a frame with a hit outweighs: a thin leg stays, an outlier goes."""
 
     def __post_init__(self) -> None:
-        if self.cell_m <= 0.0 or self.max_range_m <= 0.0:
-            raise ValueError(
-                f"`cell_m` and `max_range_m` must be > 0, got {self.cell_m} and {self.max_range_m}"
-            )
+        check_positive(self, "cell_m", "max_range_m")
         if not 0.0 < self.obstacle_min_m < self.body_height_m:
             raise ValueError(
                 "`obstacle_min_m` must be in (0, body_height_m), "

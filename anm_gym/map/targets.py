@@ -55,6 +55,8 @@ class TargetSettings:
         check_choices(self)
         check_at_least(self, 2, "resolution")
         check_positive(self, "crop_m", "keep_share", "offset_m")
+        if self.keep_share > 1.0:
+            raise ValueError(f"`keep_share` must be at most 1, got {self.keep_share}")
 
 
 @dataclass(frozen=True)

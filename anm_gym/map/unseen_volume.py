@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from anm_gym.checks import check_at_least, check_positive
 from anm_gym.geometry import CameraSpec
 from anm_gym.map.volume import FREE, OCCUPIED, UNKNOWN, ObservedVolume
 
@@ -37,10 +38,8 @@ class UnseenSettings:
     """Do not count unknown voxels that touch an occupied one: rays are not trusted just before a hit."""
 
     def __post_init__(self) -> None:
-        if self.range_m <= 0.0 or self.decay_m <= 0.0:
-            raise ValueError(f"`range_m` and `decay_m` must be > 0, got {self.range_m} and {self.decay_m}")
-        if min(self.num_headings, self.rays_per_heading, self.num_elevations) < 1:
-            raise ValueError("`num_headings`, `rays_per_heading` and `num_elevations` must be >= 1")
+        check_positive(self, "range_m", "decay_m")
+        check_at_least(self, 1, "num_headings", "rays_per_heading", "num_elevations")
 
 
 @dataclass(frozen=True, eq=False)

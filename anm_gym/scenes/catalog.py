@@ -35,13 +35,18 @@ def make_scene(spec: str, **options: Any) -> Scene:
     name = str(spec)
     if is_dataset_scene(name):
         return load_dataset_scene(name, **options).scene
-    if not name.startswith(HOME_PREFIX) and not name.lower().endswith(".json"):
+    if takes_options(name):
         return load_scene(name, **options)
     if options:
         raise TypeError(
             f"`options` must be empty for {name!r}, got {', '.join(options)}; only mesh files take any"
         )
     return _make_home(name) if name.startswith(HOME_PREFIX) else _make_plan(name)
+
+
+def takes_options(spec: str) -> bool:
+    """Tell whether a scene is made with options: a mesh, that is, and neither a home nor a floor plan."""
+    return not str(spec).startswith(HOME_PREFIX) and not str(spec).lower().endswith(".json")
 
 
 def _make_home(name: str) -> Scene:

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from anm_gym.checks import check_positive
+
 
 @dataclass(frozen=True)
 class GridFrame:
@@ -18,8 +20,7 @@ class GridFrame:
     """Rows and columns."""
 
     def __post_init__(self) -> None:
-        if self.cell_m <= 0.0:
-            raise ValueError(f"`cell_m` must be > 0, got {self.cell_m}")
+        check_positive(self, "cell_m")
         if min(self.shape) < 1:
             raise ValueError(f"`shape` must have at least one row and one column, got {self.shape}")
 

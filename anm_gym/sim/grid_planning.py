@@ -14,7 +14,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from anm_gym.checks import check_choices
+from anm_gym.checks import check_at_least, check_choices, check_positive
 from anm_gym.sim.geodesic import STEPS, GridGraph
 
 Cell = tuple[int, int]
@@ -160,10 +160,8 @@ class RrtSettings:
 
     def __post_init__(self) -> None:
         check_choices(self)
-        if self.iterations < 1:
-            raise ValueError(f"`iterations` must be >= 1, got {self.iterations}")
-        if min(self.extension_m, self.neighbour_m, self.shrink_m, self.window_m) <= 0.0:
-            raise ValueError("`extension_m`, `neighbour_m`, `shrink_m` and `window_m` must be > 0")
+        check_at_least(self, 1, "iterations")
+        check_positive(self, "extension_m", "neighbour_m", "shrink_m", "window_m")
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,6 +26,7 @@ class DistanceToPoint:
         graph: The graph of its navigable cells.
         point_xz: (2,) the fixed point, metres; it must be navigable.
         limit_m: Places farther away over the grid are as if there were no path, metres.
+        ways: What another one found on the same grid to the same point; see `ways`.
     """
 
     def __init__(
@@ -34,6 +35,7 @@ class DistanceToPoint:
         graph: GridGraph,
         point_xz: ArrayLike,
         limit_m: float = np.inf,
+        ways: "Ways | None" = None,
     ) -> None:
         self._grid = grid
         self._point_xz = np.array(point_xz, np.float64)
@@ -43,7 +45,8 @@ class DistanceToPoint:
         self.grid_distance_m = self._tree.distance_m
         """(rows, columns) distances over the grid, not pulled tight, metres."""
         to_point_m = float(np.linalg.norm(grid.frame.centers_of(cell)[0] - self._point_xz))
-        self._ways = {self._flat(cell): _Way(self._point_xz, None, to_point_m)}
+        self.ways: Ways = ways or {self._flat(cell): Way(self._point_xz, None, to_point_m)}
+        """The ways that were found so far, by the number of the cell from which they lead."""
 
     def __call__(self, from_xz: ArrayLike) -> float:
         """Length of the shortest path from a floor point, metres; infinite if there is none."""
@@ -61,33 +64,33 @@ class DistanceToPoint:
             way = way.onward
         return np.stack(corners)
 
-    def _way_from(self, from_xz: ArrayLike) -> "_Way | None":
+    def _way_from(self, from_xz: ArrayLike) -> "Way | None":
         start_xz = np.array(from_xz, np.float64)
         cell = self._grid.cell_at(start_xz)
         if cell is None or np.isinf(self.grid_distance_m[cell[0], cell[1]]):
             return None
         if self._is_free(start_xz, self._point_xz):
-            return _Way(self._point_xz, None, length_m(start_xz, self._point_xz))
+            return Way(self._point_xz, None, length_m(start_xz, self._point_xz))
         flat = self._flat(cell)
         return self._extend(start_xz, self._centers([flat])[0], self._way_of(flat))
 
-    def _way_of(self, flat: int) -> "_Way":
+    def _way_of(self, flat: int) -> "Way":
         """The way from a cell's centre, by corners among the cells of the path to the nearest known way."""
         path = [flat]
-        while path[-1] not in self._ways:
+        while path[-1] not in self.ways:
             path.append(int(self._tree.predecessors[path[-1]]))
         centers = self._centers(path)
         known = len(path) - 1
         while known > 0:
             known = self._pull_tight(path, centers, known)
-        return self._ways[flat]
+        return self.ways[flat]
 
     def _pull_tight(self, path: Sequence[int], centers: NDArray[np.float64], known: int) -> int:
         """Find the way of a cell as far back on a path as its corner is seen; returns which.
 
         The line of sight along the whole path is looked at first, then that along halves.
         """
-        way = self._ways[path[known]]
+        way = self.ways[path[known]]
         seen, hidden = known, -1
         while seen - hidden > 1:
             tried = 0 if hidden < 0 else (seen + hidden) // 2
@@ -96,19 +99,19 @@ class DistanceToPoint:
             else:
                 hidden = tried
         reached = min(seen, known - 1)
-        self._ways[path[reached]] = self._extend(centers[reached], centers[reached + 1], way)
+        self.ways[path[reached]] = self._extend(centers[reached], centers[reached + 1], way)
         return reached
 
-    def _extend(self, from_xz: NDArray[np.float64], next_xz: NDArray[np.float64], next_way: "_Way") -> "_Way":
+    def _extend(self, from_xz: NDArray[np.float64], next_xz: NDArray[np.float64], next_way: "Way") -> "Way":
         """The way from a point through a neighbouring one, with as few corners as can be seen."""
-        seen: _Way | None = None
-        ahead: _Way | None = next_way
+        seen: Way | None = None
+        ahead: Way | None = next_way
         while ahead is not None and self._is_free(from_xz, ahead.corner_xz):
             seen, ahead = ahead, ahead.onward
         if seen is None:
-            return _Way(next_xz, next_way, length_m(from_xz, next_xz) + next_way.length_m)
+            return Way(next_xz, next_way, length_m(from_xz, next_xz) + next_way.length_m)
         rest_m = 0.0 if seen.onward is None else seen.onward.length_m
-        return _Way(seen.corner_xz, seen.onward, length_m(from_xz, seen.corner_xz) + rest_m)
+        return Way(seen.corner_xz, seen.onward, length_m(from_xz, seen.corner_xz) + rest_m)
 
     def _is_free(self, from_xz: NDArray[np.float64], to_xz: NDArray[np.float64]) -> bool:
         """Tell whether all cells that a straight line meets, looked at every quarter cell, are navigable."""
@@ -127,15 +130,18 @@ class DistanceToPoint:
 
 
 @dataclass(frozen=True, eq=False)
-class _Way:
+class Way:
     """A taut way from some place to the fixed point."""
 
     corner_xz: NDArray[np.float64]
     """(2,) where it goes straight to, metres."""
-    onward: "_Way | None"
+    onward: "Way | None"
     """The way from there; None at the fixed point."""
     length_m: float
     """Its whole length, metres."""
+
+
+Ways = dict[int, Way]
 
 
 @lru_cache(maxsize=1024)

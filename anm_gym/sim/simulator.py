@@ -40,6 +40,7 @@ class Simulator:
         backend: Depth back end, see `anm_gym.sim.backends.make_depth_camera`.
         device: Device of the back end.
         cell_m: Edge of a cell of the traversable grid, metres.
+        grid: Where the body fits, if that is known already; then `body` and `cell_m` are not used.
         forward_step_m: Length of a forward step, metres.
         turn_step_deg: Angle of a turn, degrees.
     """
@@ -54,12 +55,13 @@ class Simulator:
         backend: str = "embree",
         device: str = "cpu",
         cell_m: float = 0.05,
+        grid: TraversableGrid | None = None,
         forward_step_m: float = FORWARD_STEP_M,
         turn_step_deg: float = TURN_STEP_DEG,
     ) -> None:
         self.mesh, self.floor_y_m = mesh, floor_y_m
         self._set_steps(forward_step_m, turn_step_deg)
-        self.grid = TraversableGrid.from_mesh(mesh, floor_y_m, body, cell_m)
+        self.grid = grid or TraversableGrid.from_mesh(mesh, floor_y_m, body, cell_m)
         self.camera: DepthCamera = make_depth_camera(
             mesh, camera or CameraSpec(), backend=backend, device=device
         )

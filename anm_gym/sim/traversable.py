@@ -39,7 +39,7 @@ class BodySpec:
     """Obstacles lower than this are stepped over, metres."""
 
     def __post_init__(self) -> None:
-        if self.radius_m <= 0.0 or not 0.0 <= self.climb_m < self.height_m:
+        if not self.radius_m > 0.0 or not 0.0 <= self.climb_m < self.height_m:
             raise ValueError(
                 "`radius_m` must be > 0 and `climb_m` in [0, height_m), got "
                 f"{self.radius_m}, {self.climb_m} and {self.height_m}"

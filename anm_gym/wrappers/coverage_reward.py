@@ -8,6 +8,7 @@ import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 
 from anm_gym.envs.mesh_env import MeshEnv, Observation
+from anm_gym.wrappers.needs import require_exploration
 from anm_gym.wrappers.occupancy import has_occupancy
 
 
@@ -74,6 +75,7 @@ class CoverageRewardWrapper(
     ) -> None:
         RecordConstructorArgs.__init__(self, floor=floor, known=known, collision=collision, slack=slack)
         super().__init__(env)
+        require_exploration(env)
         self.weights = CoverageWeights(floor, known, collision, slack)
         if known != 0.0 and not has_occupancy(env):
             raise ValueError(

@@ -20,6 +20,7 @@ from anm_gym.geometry import heading_of, pointgoal, wrap_angle
 from anm_gym.map.occupancy import OccupancyGrid
 from anm_gym.map.reach import ReachSettings, reachable_space
 from anm_gym.stopwatch import Stopwatch
+from anm_gym.wrappers.needs import require_exploration
 
 SWEEP_REASON = "sweep"
 """Reason of the goals of a turn once round."""
@@ -46,9 +47,9 @@ class GoalLimits:
     """When a goal has ended."""
 
     arrival_m: float = 0.2
-    """Distance at which a goal is reached, metres."""
+    """Distance at which a goal is reached, metres; half a forward step if that is more."""
     arrival_deg: float = 10.0
-    """Heading error at which a goal with a heading is reached, degrees."""
+    """Heading error at which a goal with a heading is reached, degrees; half a turn if that is more."""
     timeout_steps: int = 200
     """Steps after which a goal is given up."""
     review_steps: int = 10
@@ -57,14 +58,6 @@ class GoalLimits:
     def __post_init__(self) -> None:
         check_positive(self, "arrival_m", "arrival_deg")
         check_at_least(self, 1, "timeout_steps", "review_steps")
-
-
-def check_explores(env: gymnasium.Env[Any, Any]) -> None:
-    """Refuse an environment without the observations of `ANM/Explore-v0` with a ValueError."""
-    space = env.observation_space
-    keys = set(space.spaces) if isinstance(space, spaces.Dict) else set()
-    if not {"depth", "world_from_camera"} <= keys:
-        raise ValueError(f"`env` must have the observations of ANM/Explore-v0, got {space}")
 
 
 class GoalWrapper(
@@ -91,7 +84,7 @@ class GoalWrapper(
 
     def __init__(self, env: gymnasium.Env[Observation, np.int64], *, limits: GoalLimits, seed: int) -> None:
         gymnasium.Wrapper.__init__(self, env)
-        check_explores(env)
+        require_exploration(env)
         goal_space = spaces.Box(
             np.array([0.0, -np.pi], np.float32), np.array([np.finfo(np.float32).max, np.pi], np.float32)
         )
@@ -106,7 +99,11 @@ class GoalWrapper(
         self._seed: int = seed
         self._has_neural_map: bool = env.has_wrapper_attr("neural_map")
         self._grid: OccupancyGrid | None = None
+        self._last_pose: NDArray[np.float64] | None = None
         self._goal: Goal | None = None
+        self._goal_steps: int = 0
+        self._sweep_rad: list[float] = []
+        self._trail_xz: list[NDArray[np.float64]] = []
         self.goals: list[Goal] = []
         self.failures: list[Goal] = []
         self.handovers: list[Goal] = []
@@ -139,6 +136,13 @@ class GoalWrapper(
         """Where the agent looks, radians."""
         return heading_of(self._pose)
 
+    @property
+    def _pose(self) -> NDArray[np.float64]:
+        """(4, 4) pose of the camera."""
+        if self._last_pose is None:
+            raise gymnasium.error.ResetNeeded("nobody knows where the agent is yet; call `reset` first")
+        return self._last_pose
+
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
@@ -147,9 +151,8 @@ class GoalWrapper(
         self.rng = np.random.default_rng(self._seed if seed is None else [self._seed, seed])
         self.stopwatch.reset()
         self._grid, self._goal = None, None
-        self._sweep_rad: list[float] = []
+        self._sweep_rad, self._trail_xz = [], []
         self.goals, self.failures, self.handovers = [], [], []
-        self._trail_xz: list[NDArray[np.float64]] = []
         self._look(observation, info)
         self._begin_episode()
         self._see(observation)
@@ -200,13 +203,15 @@ class GoalWrapper(
         return np.asarray((np.linalg.norm(places - failed, axis=2) < radius_m).any(axis=1))
 
     def is_reached(self, goal: Goal) -> bool:
-        """Tell whether the agent stands at a goal and looks where it asks for."""
-        if np.linalg.norm(goal.position_xz - self.position_xz) > self.limits.arrival_m:
+        """Tell whether the agent stands at a goal and looks where it asks for, as near as its steps allow."""
+        forward_step_m, turn_step_rad = self.step_sizes
+        arrival_m = max(self.limits.arrival_m, 0.5 * forward_step_m)
+        if np.linalg.norm(goal.position_xz - self.position_xz) > arrival_m:
             return False
         if goal.heading_rad is None:
             return True
-        error = abs(wrap_angle(goal.heading_rad - self.heading_rad))
-        return bool(error <= np.deg2rad(self.limits.arrival_deg))
+        error_rad = abs(wrap_angle(goal.heading_rad - self.heading_rad))
+        return bool(error_rad <= max(np.deg2rad(self.limits.arrival_deg), 0.51 * turn_step_rad))
 
     def note_handover(self, reason: str) -> None:
         """Take note that another navigator drives to the current goal from here; it stays the goal.
@@ -266,7 +271,7 @@ class GoalWrapper(
         """Take note of an observation; for sources that need more than the map."""
 
     def _look(self, observation: Observation, info: dict[str, Any]) -> None:
-        self._pose = observation["world_from_camera"].astype(np.float64)
+        self._last_pose = observation["world_from_camera"].astype(np.float64)
         self._trail_xz.append(self.position_xz)
         with self.stopwatch("occupancy"):
             if not self._has_neural_map:

@@ -42,5 +42,11 @@ class MovesOnlyWrapper(gymnasium.ActionWrapper[Observation, np.int64, np.int64],
         self.action_space = spaces.Discrete(len(MOVES))
 
     def action(self, action: np.int64) -> np.int64:
-        """Number a move as Explore does."""
+        """Number a move as Explore does.
+
+        Raises:
+            ValueError: If there is no such move.
+        """
+        if not self.action_space.contains(action):
+            raise ValueError(f"`action` must be one of {list(range(len(MOVES)))}, got {action!r}")
         return np.int64(MOVES[int(action)])

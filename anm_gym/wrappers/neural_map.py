@@ -10,6 +10,7 @@ from anm_gym.envs.mesh_env import Observation
 from anm_gym.map.neural_map import MapUpdate, NeuralMap
 from anm_gym.map.presets import map_settings
 from anm_gym.map.settings import MapSettings
+from anm_gym.wrappers.needs import require_exploration
 
 
 @final
@@ -61,6 +62,7 @@ class NeuralMapWrapper(
     ) -> None:
         RecordConstructorArgs.__init__(self, preset=preset, seed=seed, device=device, settings=settings)
         super().__init__(env)
+        require_exploration(env)
         self.settings = settings or map_settings(preset)
         self._seed, self._device = seed, device
         self.neural_map = self._new_map(seed)

@@ -12,6 +12,7 @@ from gymnasium.utils import RecordConstructorArgs
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.errors import MapError
 from anm_gym.map.occupancy import OccupancyGrid, OccupancySettings
+from anm_gym.wrappers.needs import require_exploration
 
 
 @final
@@ -44,6 +45,7 @@ class OccupancyWrapper(
     def __init__(self, env: gymnasium.Env[Observation, np.int64], cell_m: float = 0.1) -> None:
         RecordConstructorArgs.__init__(self, cell_m=cell_m)
         super().__init__(env)
+        require_exploration(env)
         self.settings = OccupancySettings(cell_m=cell_m)
         self.occupancy = OccupancyGrid(floor_y_m=0.0, settings=self.settings)
         """What is known of the floor in the current episode."""

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.geometry import forward_xz, heading_of
 from anm_gym.map.occupancy import OccupancyGrid
+from anm_gym.wrappers.needs import require_exploration
 from anm_gym.wrappers.occupancy import has_occupancy
 
 MAP_CHANNELS: Final = ("occupied", "free", "stood")
@@ -74,9 +75,10 @@ class PolicyViewWrapper(
     ) -> None:
         RecordConstructorArgs.__init__(self, map_px=map_px, pixel_m=pixel_m, depth_px=depth_px, keys=keys)
         super().__init__(env)
+        require_exploration(env)
         assert isinstance(env.observation_space, spaces.Dict)
         below = env.observation_space.spaces
-        if map_px < 0 or depth_px < 0 or pixel_m <= 0.0:
+        if map_px < 0 or depth_px < 0 or not pixel_m > 0.0:
             raise ValueError(
                 "`map_px` and `depth_px` must be >= 0 and `pixel_m` > 0, "
                 f"got {map_px}, {depth_px} and {pixel_m}"

@@ -2,6 +2,7 @@
 
 import copy
 import hashlib
+import pickle
 import re
 import subprocess
 import sys
@@ -140,6 +141,30 @@ def test_copy_goes_on_where_the_original_is(name: str, copied: Callable[[MeshEnv
         assert ours[1:] == theirs[1:]
         for key, value in ours[0].items():
             np.testing.assert_array_equal(value, theirs[0][key])
+
+
+def test_pickle_of_an_environment_does_not_carry_the_floor() -> None:
+    sizes = []
+    for name in IDS:
+        env = make(name)
+        play(env, seed=1)
+        sizes.append(len(pickle.dumps(env)))
+    assert max(sizes) < 100_000, "poses and ways, no rasters"
+
+
+def test_meshes_and_homes_can_be_mixed_where_meshes_take_options(room: str) -> None:
+    env = ExploreEnv(room, scene_options={"up_axis": "y"}, camera={"width_px": 24, "height_px": 16})
+    env.reset(seed=0, options={"scene": "home:studio:1"})
+    assert env.scene.name == "home:studio:1"
+    env.reset(seed=0)
+    assert env.scene.name == "room"
+    with pytest.raises(TypeError, match="only mesh files take any"):
+        ExploreEnv("home:studio:1", scene_options={"up_axis": "y"})
+
+
+def test_goal_before_an_episode_is_a_named_error(pointnav: Callable[..., PointNavEnv]) -> None:
+    with pytest.raises(gymnasium.error.ResetNeeded, match="there is no goal yet; call `reset` first"):
+        _ = pointnav().goal_xz
 
 
 def test_copy_of_an_environment_that_has_not_begun_can_begin(explore: Callable[..., ExploreEnv]) -> None:
@@ -286,6 +311,7 @@ def test_colour_is_observed_on_request(explore: Callable[..., ExploreEnv]) -> No
     [
         ({"sensor_height_m": 0.0}, "`sensor_height_m` must be > 0 and finite, got 0.0"),
         ({"sensor_height_m": float("nan")}, "`sensor_height_m` must be > 0 and finite, got nan"),
+        ({"max_depth_m": float("inf")}, "`max_depth_m` must be at most 10000, got inf; a pixel that shows"),
         ({"sensor_height_m": 5.0}, "`sensor_height_m` must be below the ceiling of room, 2.50 m above"),
         ({"width_px": "16"}, "`width_px` must be a whole number of pixels, got '16'"),
         ({"height_px": 16.0}, "`height_px` must be a whole number of pixels, got 16.0"),

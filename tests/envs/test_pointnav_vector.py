@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from anm_gym.envs.pointnav_vector import PointNavVectorEnv
+from anm_gym.errors import EpisodeError
 
 CAMERA = {"width_px": 24, "height_px": 16}
 
@@ -72,6 +73,7 @@ def test_step_limit_is_the_registered_one_unless_given(rooms: str) -> None:
         ({}, registered),
         ({"max_episode_steps": 3}, 3),
         ({"max_episode_steps": None}, None),
+        ({"max_episode_steps": -1}, None),
     ):
         envs = PointNavVectorEnv(**settings_of(rooms, camera={"width_px": 2, "height_px": 2}), **given)
         envs.reset(seed=0)
@@ -88,6 +90,25 @@ def test_wrong_number_of_agents_actions_or_seeds_is_an_error(rooms: str) -> None
     envs.reset(seed=[1, None])
     with pytest.raises(ValueError, match=r"`actions` must have shape \(2,\), got \(3,\)"):
         envs.step(np.zeros(3, np.int64))
+
+
+def test_senseless_step_limit_is_an_error(rooms: str) -> None:
+    with pytest.raises(ValueError, match="`max_episode_steps` must be >= 1, or -1 for no limit, got 0"):
+        PointNavVectorEnv(2, max_episode_steps=0, **settings_of(rooms))
+
+
+def test_agents_are_as_strict_as_one_alone(rooms: str) -> None:
+    envs = PointNavVectorEnv(2, **settings_of(rooms))
+    with pytest.raises(gymnasium.error.ResetNeeded, match="no episode has begun"):
+        envs.step(np.array([1, 1]))
+    envs.reset(seed=0)
+    for wrong in (np.array([1, 7]), np.array([1.0, 2.9])):
+        with pytest.raises(ValueError, match=r"`action` must be one of \[0, 1, 2, 3\]"):
+            envs.step(wrong)
+    with pytest.raises(EpisodeError):
+        envs.reset(options={"start": (99.0, 99.0, 0.0)})
+    with pytest.raises(gymnasium.error.ResetNeeded, match="no episode has begun"):
+        envs.step(np.array([1, 1]))
 
 
 def test_pictures_are_drawn_for_every_agent(rooms: str) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from anm_gym.envs.seen_floor import STRIDE, SeenFloor
+from anm_gym.envs.seen_floor import SLACK_M, STRIDE, SeenFloor
 from anm_gym.geometry import CameraSpec
 from anm_gym.mesh import TriangleMesh
 from anm_gym.sim.simulator import Simulator
@@ -77,3 +77,18 @@ def test_empty_pixels_show_nothing(simulator: Simulator) -> None:
     seen = SeenFloor(simulator.grid, CAMERA)
     simulator.place((2.0, 0.0), 0.0)
     assert seen.look(np.zeros((64, 64), np.float32), simulator.state) == 0.0
+
+
+@pytest.mark.parametrize("sensor_height_m", [0.3, 1.25])
+def test_foot_of_a_wall_does_not_show_the_floor_behind_it(
+    two_rooms: TriangleMesh, sensor_height_m: float
+) -> None:
+    """A low camera sees the wall, up to where the body would step over it, in front of much floor."""
+    camera = CameraSpec(sensor_height_m=sensor_height_m)
+    simulator = Simulator(two_rooms, 0.0, camera)
+    seen = SeenFloor(simulator.grid, camera)
+    assert look(simulator, seen, (3.0, 1.8), LEFT) > 0.0
+    x, z = simulator.grid.frame.centers_of(STRIDE * np.argwhere(seen.is_seen)).T
+    is_hidden = (x < 0.0) & (z > 0.5 + 1.3 / 3.0 * x + 0.2)
+    assert x[is_hidden].min(initial=0.0) > -SLACK_M - 0.15, "a pixel's row, and the thinnest of walls"
+    assert (x[~is_hidden] < -1.0).any(), "the door lets some through"

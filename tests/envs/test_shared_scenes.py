@@ -41,8 +41,11 @@ def test_grid_of_a_scene_is_made_once_and_is_the_environments(
     scene = shared_scene(write_mesh(box_room(), tmp_path / "grid.ply"), Y_UP)
     alone = shared_grid(scene)
     assert shared_grid(scene) is alone
-    env = ExploreEnv(write_mesh(box_room(), tmp_path / "other.ply"), scene_options=Y_UP)
+    other = write_mesh(box_room(), tmp_path / "other.ply")
+    env = ExploreEnv(other, scene_options=Y_UP)
     assert shared_grid(env.scene) is env.simulator.grid
+    wide = ExploreEnv(other, scene_options=Y_UP, camera={"width_px": 48, "height_px": 16})
+    assert wide.simulator.grid is env.simulator.grid, "whichever camera looks at it"
     assert (alone.component == env.simulator.grid.component).all()
 
 

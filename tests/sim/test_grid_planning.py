@@ -158,7 +158,7 @@ def test_depth_counts_edges_from_the_start() -> None:
     ("options", "message"),
     [
         ({"iterations": 0}, "`iterations` must be >= 1, got 0"),
-        ({"window_m": 0.0}, "`extension_m`, `neighbour_m`, `shrink_m` and `window_m` must be > 0"),
+        ({"window_m": 0.0}, "`window_m` must be > 0, got 0.0"),
     ],
 )
 def test_senseless_settings_are_refused(options: dict[str, float], message: str) -> None:

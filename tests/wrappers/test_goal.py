@@ -77,6 +77,24 @@ def test_arrival_brings_the_next_goal(scripted: Callable[..., ScriptedGoals]) ->
     assert env.failures == []
 
 
+def test_agent_with_wide_steps_arrives_where_no_step_would_bring_it_nearer(
+    explore: Callable[..., ExploreEnv], box_room: Callable[..., TriangleMesh]
+) -> None:
+    """At 45 degrees a turn, half a turn off is as straight as it gets; so is half a step of 60 cm off."""
+    script = [goal(0.0, 0.25, 0.35), goal(1.0, 1.0)]
+    plain = explore(box_room(), start=START, forward_step_m=0.6, turn_step_deg=45.0)
+    env = ScriptedGoals(plain, script)
+    env.reset(seed=0)
+    assert env.goal.position_xz.tolist() == [1.0, 1.0]
+    for wrong in (goal(0.0, 0.15, 0.0), goal(0.0, 0.25, 0.5)):
+        assert not env.is_reached(wrong)
+
+
+def test_pose_before_an_episode_is_a_named_error(scripted: Callable[..., ScriptedGoals]) -> None:
+    with pytest.raises(gymnasium.error.ResetNeeded, match="call `reset` first"):
+        _ = scripted([goal(0.0, 0.0)]).position_xz
+
+
 def test_goal_at_which_the_agent_stands_is_passed_over(scripted: Callable[..., ScriptedGoals]) -> None:
     env = scripted([goal(0.0, 0.6), goal(0.1, 0.5, 0.05), goal(0.0, 0.5, np.pi), goal(1.0, 1.0)])
     env.reset(seed=0)

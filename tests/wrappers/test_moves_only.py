@@ -27,3 +27,13 @@ def test_each_number_is_a_move(
 
 def test_there_is_no_stop(explore: Callable[..., ExploreEnv], box_room: Callable[..., TriangleMesh]) -> None:
     assert MovesOnlyWrapper(explore(box_room())).action_space.n == 3
+
+
+@pytest.mark.parametrize("number", [-1, 3])
+def test_number_that_is_no_move_is_an_error(
+    explore: Callable[..., ExploreEnv], box_room: Callable[..., TriangleMesh], number: int
+) -> None:
+    env = MovesOnlyWrapper(explore(box_room()))
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match=r"`action` must be one of \[0, 1, 2\]"):
+        env.step(np.int64(number))

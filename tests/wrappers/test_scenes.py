@@ -1,6 +1,7 @@
 """Which scene an episode is played in."""
 
 import gymnasium
+import numpy as np
 import pytest
 
 from anm_gym.wrappers.scenes import ScenesWrapper
@@ -51,6 +52,19 @@ def test_options_are_handed_on() -> None:
     x, z = env.unwrapped.simulator.state.position_xz.tolist()
     env.reset(options={"start": (x, z, 0.5)})
     assert env.unwrapped.simulator.state.heading_rad == 0.5
+
+
+def test_scene_says_nothing_of_where_the_episode_starts() -> None:
+    """A seed draws both; were they drawn from one stream, each home would be entered at one end only."""
+    env = make(scenes=HOMES[:2])
+    drawn = [played(env, 1, seed)[0] for seed in range(60)]
+    one_stream = [HOMES[np.random.default_rng(seed).integers(2)] for seed in range(60)]
+    assert 0.2 < np.mean([ours == theirs for ours, theirs in zip(drawn, one_stream, strict=True)]) < 0.8
+
+
+def test_text_instead_of_a_list_is_an_error() -> None:
+    with pytest.raises(TypeError, match="`scenes` must be a list of names, got 'home:studio:1'"):
+        make(scenes="home:studio:1")
 
 
 @pytest.mark.parametrize("settings", [{"scenes": []}, {"episodes_each": 0}])

@@ -1,0 +1,18 @@
+"""What wrappers need of the environment below them, asked for before anything goes wrong."""
+
+from typing import Any
+
+import gymnasium
+from gymnasium import spaces
+
+
+def require_exploration(env: gymnasium.Env[Any, Any]) -> None:
+    """Refuse an environment without the observations of `ANM/Explore-v0`.
+
+    Raises:
+        ValueError: If there is no depth or no pose in its observations, or nobody knows its camera.
+    """
+    space = env.observation_space
+    keys = set(space.spaces) if isinstance(space, spaces.Dict) else set()
+    if not {"depth", "world_from_camera"} <= keys or not env.has_wrapper_attr("camera"):
+        raise ValueError(f"`env` must have the observations of ANM/Explore-v0, got {space}")
