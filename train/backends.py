@@ -4,6 +4,7 @@ Every job is a pure function of its fields and every row is written by the proce
 interrupted run goes on wherever it is started again. Local processes are in `train.pool`.
 """
 
+import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -12,11 +13,13 @@ from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from anm_gym.errors import BackendError
+from anm_gym.scenes.datasets import ROOT_VARIABLE
 from train.pool import prepare_worker, run_jobs
 
 JobT = TypeVar("JobT")
 ResultT = TypeVar("ResultT")
 
+_GOES_ON: Final = "the same command plays what is missing"
 BACKENDS: Final = ("loky", "dask", "slurm")
 """Processes of joblib's own pool, a dask cluster through joblib, Slurm arrays through submitit."""
 
@@ -60,7 +63,8 @@ def run_on(
         A job and its result.
 
     Raises:
-        BackendError: If the backend's package is missing or its cluster cannot be reached.
+        BackendError: If the backend's package is missing, its cluster cannot be reached, or it lost jobs; on
+            Slurm, after all others have been handed over.
         ValueError: If dask has no option of a given name.
         RuntimeError: If a local worker process was killed from outside.
     """
@@ -92,7 +96,10 @@ def _run_on_dask(
             )
         with parallel_config(backend="dask"):  # left before the first result: joblib's default stays
             pool = Parallel(n_jobs=-1, return_as="generator_unordered", batch_size=1)
-        yield from pool(delayed(_play_one)(play, job) for job in jobs)
+        try:
+            yield from pool(delayed(_play_one)(play, _scene_root(), job) for job in jobs)
+        except distributed.KilledWorker as error:
+            raise BackendError(f"dask gave an episode up: {error}; {_GOES_ON}") from error
 
 
 def _check_dask_options(distributed: Any, options: Mapping[str, Any]) -> None:
@@ -136,19 +143,36 @@ def _run_on_slurm(
             f"Slurm must be at hand, got none: {error}; log in to a node that has it"
         ) from error
     executor.update_parameters(**options)
-    tasks = executor.map_array(partial(_play_one, play), jobs)
+    tasks = executor.map_array(partial(_play_one, play, _scene_root()), jobs)
+    lost: list[str] = []
     try:
         for task in submitit.helpers.as_completed(tasks, poll_frequency=0.5 if cluster != "slurm" else 10):
-            yield task.result()
+            try:
+                result = task.result()
+            except RuntimeError as error:  # submitit's, of a task that ended without a result
+                lost.append(str(error))
+                continue
+            yield result
     finally:
         for task in tasks:
             if not task.done():
                 task.cancel()
+    if lost:
+        raise BackendError(
+            f"{len(lost)} of {len(tasks)} tasks ended without a result, the first with: {lost[0]}; {_GOES_ON}"
+        )
 
 
-def _play_one(play: Callable[[JobT], ResultT], job: JobT) -> tuple[JobT, ResultT]:
+def _play_one(play: Callable[[JobT], ResultT], scene_root: str | None, job: JobT) -> tuple[JobT, ResultT]:
     prepare_worker()
+    if scene_root is not None:
+        os.environ[ROOT_VARIABLE] = scene_root
     return job, play(job)
+
+
+def _scene_root() -> str | None:
+    """Where datasets lie, for workers that were started with another environment."""
+    return os.environ.get(ROOT_VARIABLE)
 
 
 def _advice(name: str, error: ImportError) -> str:

@@ -123,15 +123,26 @@ def play(job: Job) -> Row:
     Returns:
         Its row, with every field of `ROW_FIELDS`.
     """
-    start_s = time.perf_counter()
-    row: Row = dict.fromkeys(ROW_FIELDS) | job.identity
+    start_s, row = time.perf_counter(), Row()
     try:
         episode = run_job(job)
-        row |= episode.row | _leave_files(job, episode) | {SCENE_FILE: file_digest(job.scene)}
+        row = episode.row | _leave_files(job, episode)
         episode.env.close()
     except Exception as error:  # noqa: BLE001 - what one agent does must not end the others' run
-        row |= {"error": f"{type(error).__name__}: {error}", "traceback": traceback.format_exc(limit=-6)}
-    return row | {"wall_s": round(time.perf_counter() - start_s, 3), "versions": versions()}
+        row = {"error": f"{type(error).__name__}: {error}", "traceback": traceback.format_exc(limit=-6)}
+    return whole_row(job, row, time.perf_counter() - start_s)
+
+
+def whole_row(job: Job, measured: Row, wall_s: float) -> Row:
+    """Give a row every field: what was not measured is null, and what made it is named.
+
+    Args:
+        job: The episode.
+        measured: What it came to.
+        wall_s: Time that it took, seconds.
+    """
+    source = {SCENE_FILE: file_digest(job.scene), "wall_s": round(wall_s, 3), "versions": versions()}
+    return dict.fromkeys(ROW_FIELDS) | job.identity | measured | source
 
 
 def run_job(job: Job, progress: Progress | None = None) -> Episode:

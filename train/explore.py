@@ -4,6 +4,7 @@ Command: ``python -m train.explore --scene house.glb --agent anm:best --out runs
 """
 
 import json
+import time
 from collections.abc import Sequence
 from inspect import signature
 from pathlib import Path
@@ -17,7 +18,7 @@ from anm_gym.map.checkpoint import save_map
 from anm_gym.mesh import TriangleMesh
 from train import html
 from train.command import run_command, scene_label
-from train.episodes import Episode, Job, run_job, scene_of, split_agent
+from train.episodes import Episode, Job, run_job, scene_of, split_agent, whole_row
 from train.html import Section
 from train.pictures import save_picture, write_montage, write_topdown
 from train.plots import Curve, completion_figure
@@ -62,17 +63,20 @@ def explore(
     prepare_worker()
     job = Job(*split_agent(agent), scene, seed, steps, folder, env or {})
     folder.mkdir(parents=True, exist_ok=True)  # now rather than after the episode
+    start_s = time.perf_counter()
     with tqdm(total=steps, unit="step", delay=1.0) as bar:
         episode = run_job(job, _progress(bar))
+    row = whole_row(job, episode.row, time.perf_counter() - start_s)
     for name in (MAP_FILE, SURFACE_FILE, SURFACE_PICTURE):  # not every agent writes them
         (folder / name).unlink(missing_ok=True)
     episode.trajectory.save(folder / "trajectory.npz")
     _write_settings(job, episode)
+    write_json(folder / "row.json", row)
     surface = _write_map(job, episode)
     pictures = _write_pictures(job, episode, surface)
     _write_report(job, episode, pictures)
     episode.env.close()
-    return episode.row | {"report": str(folder / "report.html")}
+    return row | {"report": str(folder / "report.html")}
 
 
 def default_folder(scene: str) -> Path:
@@ -135,7 +139,6 @@ def _write_settings(job: Job, episode: Episode) -> None:
         "versions": versions(),
     }
     write_json(job.out / "settings.json", content)
-    write_json(job.out / "row.json", episode.row)
 
 
 def _write_map(job: Job, episode: Episode) -> TriangleMesh | None:

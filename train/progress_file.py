@@ -42,23 +42,24 @@ def load_progress(path: Path, nets: Mapping[str, nn.Module], optimizer: optim.Op
         optimizer: Adam over the same parameters.
 
     Raises:
-        PolicyError: If the file cannot be read.
+        PolicyError: If the file cannot be read, or does not fit.
     """
     tensors, progress = read_checkpoint(path)
-    for prefix, net in nets.items():
-        net.load_state_dict(
-            {
-                name.removeprefix(f"{prefix}."): value
-                for name, value in tensors.items()
-                if name.startswith(f"{prefix}.")
-            }
-        )
     state = optimizer.state_dict()
     count = len(state["param_groups"][0]["params"])
     known = [index for index in range(count) if f"adam.{index}.step" in tensors]
     state["state"] = {index: {name: tensors[f"adam.{index}.{name}"] for name in _MOMENTS} for index in known}
-    optimizer.load_state_dict(state)
+    try:
+        for prefix, net in nets.items():
+            net.load_state_dict(_below(f"{prefix}.", tensors))
+        optimizer.load_state_dict(state)
+    except (RuntimeError, ValueError) as error:
+        raise PolicyError(f"the checkpoint {path} must fit the settings, got {error}") from error
     return progress
+
+
+def _below(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
 
 
 def write_checkpoint(path: Path, tensors: Mapping[str, Tensor], progress: Mapping[str, Any]) -> None:

@@ -77,9 +77,11 @@ class Protocol:
         """Keep some of the scenes; rows stay comparable scene by scene.
 
         Raises:
-            ValueError: If one is not in the protocol.
+            ValueError: If one is not in the protocol, or named twice.
         """
         known = {scene.label: scene for scene in self.scenes}
+        if len(set(labels)) != len(labels):
+            raise ValueError(f"`scenes` must be named once each, got {', '.join(labels)}")
         unknown = [label for label in labels if label not in known]
         if unknown:
             raise ValueError(
@@ -140,7 +142,7 @@ def open_protocol(name: str, root: str | None) -> Protocol:
         root: Folder of datasets, or of the meshes of `open-scenes`; None leaves $ANM_SCENES as it is.
     """
     if root is not None and name != OPEN_SCENES:
-        os.environ[ROOT_VARIABLE] = root
+        os.environ[ROOT_VARIABLE] = str(Path(root).resolve())
     return make_protocol(name, root)
 
 
@@ -161,7 +163,7 @@ def _open_scenes(root: str | Path | None) -> Protocol:
     """Every mesh below a folder, in the order of paths."""
     if root is None or not Path(root).is_dir():
         raise ValueError(f"`root` of {OPEN_SCENES} must be a folder of meshes, got {root}")
-    files = sorted(file for file in Path(root).rglob("*") if file.suffix.lower() in SUFFIXES)
+    files = sorted(file for file in Path(root).resolve().rglob("*") if file.suffix.lower() in SUFFIXES)
     if not files:
         raise ValueError(f"`root` must hold meshes ({' '.join(SUFFIXES)}), got none in {root}")
     return Protocol(OPEN_SCENES, OPEN_SCENES, tuple(ProtocolScene(str(file), SHORT_STEPS) for file in files))

@@ -46,13 +46,22 @@ def parse_quick(parser: ArgumentParser, arguments: Sequence[str] | None, **quick
 def parse_quick_settings(
     parser_of: Callable[[T], ArgumentParser], full: T, quick: T, arguments: Sequence[str] | None
 ) -> Any:
-    """Read a command line whose defaults are settings, under `--quick` those of a quick run.
+    """Read a command line whose defaults are settings, under `--quick` those of a run in a folder apart.
 
     Args:
         parser_of: Makes the command's parser from its defaults.
         full: The defaults.
         quick: Those of a quick run.
         arguments: Words of the command line; None for those of the process.
+
+    Raises:
+        ValueError: If a quick run is to be shipped.
     """
     options = parser_of(full).parse_args(arguments)
-    return parser_of(quick).parse_args(arguments) if options.quick else options
+    if not options.quick:
+        return options
+    if options.install:
+        raise ValueError("`--install` must not come with `--quick`: its networks have learned nothing")
+    parser = parser_of(quick)
+    parser.set_defaults(out=f"{parser.get_default('out')}-quick")
+    return parser.parse_args(arguments)

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from anm_gym.errors import BackendError
+from anm_gym.scenes.datasets import ROOT_VARIABLE
 from train.backends import Backend, run_on
 
 
@@ -128,6 +129,26 @@ def test_interrupted_run_cancels_its_tasks(submitit, square, tmp_path):
     next(results)
     results.close()
     assert all(task.is_cancelled for task in Executor.last.tasks)
+
+
+def test_lost_task_is_reported_after_the_others_have_been_handed_over(submitit, square, tmp_path):
+    def play(job):
+        if job == 3:
+            raise RuntimeError("task 1 was killed: out of memory")  # as submitit says it
+        return square(job)
+
+    done = []
+    with pytest.raises(BackendError, match=r"1 of 3 tasks ended without .* out of memory; the same command"):
+        done.extend(job for job, _ in run_on(Backend("slurm", folder=tmp_path), play, [2, 3, 4]))
+    assert done == [4, 2]
+
+
+def test_worker_finds_the_datasets_of_the_process_that_asked(submitit, tmp_path, monkeypatch):
+    monkeypatch.setenv(ROOT_VARIABLE, "/data")
+    results = run_on(Backend("slurm", folder=tmp_path), lambda job: os.environ[ROOT_VARIABLE], [1, 2])
+    assert next(results) == (2, "/data")
+    monkeypatch.setenv(ROOT_VARIABLE, "/of/the/worker")
+    assert next(results) == (1, "/data")
 
 
 @pytest.mark.slow

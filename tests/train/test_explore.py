@@ -9,6 +9,7 @@ import pytest
 from train.explore import MAP_FILE, SURFACE_FILE, SURFACE_PICTURE, explore, main, summary
 from train.replay import main as replay_main
 from train.replay import replay
+from train.results import ROW_FIELDS
 from train.trajectory import Trajectory
 
 CAMERA = {"camera": {"width_px": 32, "height_px": 32}}
@@ -128,7 +129,10 @@ def test_quick_command_leaves_the_folder_of_a_full_one_alone(room_file, tmp_path
 def test_quick_command_plays_a_few_steps_and_writes_its_row(room_file, tmp_path, capsys):
     out, row = tmp_path / "run", tmp_path / "new" / "row.json"
     main(["--scene", str(room_file), "--agent", "random", "--out", str(out), "--quick", "--json", str(row)])
-    assert json.loads(row.read_text())["steps"] == 12
+    written = json.loads(row.read_text())
+    assert written["steps"] == 12
+    assert {*ROW_FIELDS, "scene_file", "wall_s", "versions"} <= written.keys(), "the row of an evaluation"
+    assert written["mad_cm"] is None, "this agent has no map"
     assert "Comp. (%)" in capsys.readouterr().out
     assert json.loads((out / "settings.json").read_text())["env"]["camera"]["width_px"] == 48
     main(["--scene", str(room_file), "--agent", "random", "--out", str(out), "--quick", "--steps", "3"])

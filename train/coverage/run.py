@@ -29,9 +29,9 @@ from tqdm import tqdm
 from agents.roster import build_agent
 from agents.sb3 import RecurrentViewPolicy, ViewPolicy
 from train.coverage.settings import CoverageTraining, expand_scenes, make_explore, make_learner_env
-from train.navigator.checkpoint import Progress, TrainingCheckpoint
 from train.run_folder import claim_folder, read_settings
 from train.runner import run_episode
+from train.training_checkpoint import Progress, TrainingCheckpoint
 
 STAGE: Final = "coverage"
 """Name in the checkpoint."""
@@ -62,18 +62,19 @@ class CoverageRun:
         training: What to do, and the folder.
 
     Raises:
-        ValueError: If the folder holds a run with other settings than those of `MAY_CHANGE`.
+        ValueError: If an argument of the environment does not exist, or the folder holds a run with other
+            settings than those of `MAY_CHANGE`.
     """
 
     def __init__(self, training: CoverageTraining) -> None:
         self.training = training
+        self._envs = _vectorise(training, expand_scenes(training.scenes), training.learner.num_envs)
+        self._test_envs = _vectorise_apart(training, expand_scenes(training.eval_scenes))
         plain = {**asdict(training), "out": str(training.out)}
         claim_folder(training.out, plain, may_change=MAY_CHANGE)
         self._checkpoint = TrainingCheckpoint(training.out / "checkpoint.safetensors")
         self.progress = self._checkpoint.progress() or Progress(STAGE)
         self._cpu_before_s = self.progress.cpu_s - time.process_time()
-        self._envs = _vectorise(training, expand_scenes(training.scenes), training.learner.num_envs)
-        self._test_envs = _vectorise_apart(training, expand_scenes(training.eval_scenes))
         self.model = make_model(training, self._envs)
         if self.progress.frames:
             self._checkpoint.restore(self.model.policy, self.model.policy.optimizer)

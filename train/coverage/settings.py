@@ -8,14 +8,15 @@ from typing import Any, Final, Literal
 
 import gymnasium as gym
 
+from agents.roster import parse_agent
 from anm_gym.wrappers.coverage_reward import CoverageRewardWrapper, CoverageWeights
 from anm_gym.wrappers.moves_only import MovesOnlyWrapper
 from anm_gym.wrappers.occupancy import OccupancyWrapper
 from anm_gym.wrappers.policy_view import PolicyViewWrapper
 from anm_gym.wrappers.scenes import ScenesWrapper
 from train.command import split_list
+from train.episodes import make_env
 
-ENV_ID: Final = "anm_gym:ANM/Explore-v0"
 _RANGE: Final = re.compile(r"(?P<stem>home:\w+:)(?P<first>\d+)-(?P<last>\d+)")
 
 
@@ -110,6 +111,8 @@ class CoverageTraining:
         for name in ("scenes", "eval_scenes", "baselines"):
             if isinstance(words := getattr(self, name), str):
                 object.__setattr__(self, name, tuple(split_list([words])))
+        for agent in self.baselines:
+            parse_agent(agent)
         if min(self.steps, self.round_updates, self.episode_steps, self.scene_episodes) < 1:
             raise ValueError(
                 "`steps`, `round_updates`, `episode_steps` and `scene_episodes` must be >= 1, got "
@@ -173,7 +176,7 @@ def expand_scenes(names: Sequence[str]) -> list[str]:
 
 def make_explore(training: CoverageTraining, scenes: Sequence[str]) -> gym.Env:
     """Make the environment that learner and baselines share: Explore in several scenes, paid for coverage."""
-    env = gym.make(ENV_ID, max_episode_steps=training.episode_steps, scene=scenes[0], **training.env)
+    env = make_env(scenes[0], training.episode_steps, training.env)
     env = ScenesWrapper(env, scenes=scenes, episodes_each=training.scene_episodes)
     env = OccupancyWrapper(env, cell_m=training.view.cell_m)
     weights = training.reward

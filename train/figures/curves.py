@@ -59,13 +59,16 @@ class CompletionCurves:
     """Of the rows."""
     panels: tuple[Panel, ...]
     """The smallest budget first; without any curve, a panel has no bands and is not drawn."""
+    num_failed: int = 0
+    """Episodes of the table that raised."""
 
     @property
     def gap(self) -> str:
         """How many of the table's episodes have a curve; empty if all do."""
         found = sum(panel.num_episodes for panel in self.panels)
-        missing = sum(panel.missing for panel in self.panels)
-        return f"{found} of {found + missing} episodes, the others without a curve" if missing else ""
+        missing = sum(panel.missing for panel in self.panels) + self.num_failed
+        failed = f", {self.num_failed} of them failed" if self.num_failed else ""
+        return f"{found} of {found + missing} episodes, the others without a curve{failed}" if missing else ""
 
     def numbers(self) -> Numbers:
         """Give the curves as plain arrays."""
@@ -102,7 +105,8 @@ def gather_curves(run: Path) -> CompletionCurves:
         FileNotFoundError: If there are no rows, or none of them has a curve or its trajectory.
         ValueError: If the rows cannot be compared, see `train.tables.comparison.make_table`.
     """
-    rows = [row for row in read_rows(run / ROWS_FILE) if not row.get("error")]
+    played = read_rows(run / ROWS_FILE)
+    rows = [row for row in played if not row.get("error")]
     if not rows:
         raise FileNotFoundError(
             f"{run} must hold the rows of a table, got none; run `python -m train.tables table1 --out {run}`"
@@ -117,7 +121,7 @@ def gather_curves(run: Path) -> CompletionCurves:
             f"{run} must hold curves or trajectories of its {len(rows)} episodes, got none; copy them "
             "there, or play the episodes again in an empty folder with `python -m train.tables table1`"
         )
-    return CompletionCurves(table.protocol, panels)
+    return CompletionCurves(table.protocol, panels, len(played) - len(rows))
 
 
 def _panel(run: Path, steps: int, rows: Sequence[Row]) -> Panel:

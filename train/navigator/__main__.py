@@ -66,6 +66,8 @@ def read_options(arguments: Sequence[str] | None = None) -> tuple[dict[str, Any]
         parser.error(f"training must come without options of a comparison, got {useless}; add --evaluate")
     if options["quick"] and given.get("preset", "quick") != "quick":
         parser.error(f"--quick must not come with another preset, got --preset {given['preset']}")
+    if options["quick"] and "out" not in given:
+        options["out"] += "-quick"
     return options, given
 
 

@@ -17,7 +17,6 @@ from tqdm import tqdm
 
 from agents.navigator_net import NavigatorNet
 from agents.policy_file import load_policy, save_policy
-from train.navigator.checkpoint import Progress, TrainingCheckpoint
 from train.navigator.dagger import Dagger
 from train.navigator.env import NavigationVecEnv
 from train.navigator.episodes import episodes_of, play_learned
@@ -29,6 +28,7 @@ from train.navigator.ranks import Ranks
 from train.provenance import versions
 from train.results import write_json
 from train.run_folder import claim_folder
+from train.training_checkpoint import Progress, TrainingCheckpoint
 
 IMITATION: Final = "imitation"
 REINFORCEMENT: Final = "reinforcement"

@@ -32,6 +32,7 @@ from train.occant.twin import Reward, TwinSettings
 from train.occant.twin_world import TwinWorld
 from train.provenance import versions
 from train.quick import parse_quick_settings
+from train.results import write_json
 from train.run_folder import claim_folder
 
 
@@ -65,6 +66,11 @@ class OccAntTraining:
     def __post_init__(self) -> None:
         if min(self.frame_homes, self.test_homes, self.goal_homes, self.test_episodes) < 1:
             raise ValueError("`frame_homes`, `test_homes`, `goal_homes` and `test_episodes` must be >= 1")
+        if self.goals.updates <= self.goals.value_updates:
+            raise ValueError(
+                f"`updates` must be > {self.goals.value_updates}, in which only the critic learns, "
+                f"got {self.goals.updates}"
+            )
         _ = self.twin  # checks the reward before anything is trained
 
     @property
@@ -88,7 +94,7 @@ class OccAntTraining:
             anticipator=replace(self.anticipator, passes=1000),
             goal_homes=3,
             gains=replace(self.gains, episodes=4, passes=256),
-            goals=replace(self.goals, updates=3, envs=4),
+            goals=replace(self.goals, updates=3, value_updates=1, envs=4),
             test_episodes=4,
         )
 
@@ -128,8 +134,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for folder in folders:
         save_model(model, folder / f"{name}.safetensors")
     for path in [*(folder / f"{name}.json" for folder in folders), *_paths(options.json)]:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+        write_json(path, report)
     if "anticipator" in report:
         print(format_anticipation(report["anticipator"]["scores"]))
     print(format_coverage(report["policy"]))
@@ -248,7 +253,9 @@ def training_of(options: Any) -> OccAntTraining:
         goal_homes=options.goal_homes,
         reward=options.reward or ("map_accuracy" if options.anticipation else "area_seen"),
         gains=replace(default.gains, episodes=options.gain_episodes, passes=options.gain_passes),
-        goals=replace(default.goals, updates=options.updates, envs=options.envs),
+        goals=replace(
+            default.goals, updates=options.updates, value_updates=options.value_updates, envs=options.envs
+        ),
         test_episodes=options.test_episodes,
         seed=options.seed,
     )
@@ -280,6 +287,12 @@ def _parser(default: OccAntTraining) -> ArgumentParser:
     )
     add("--gain_passes", type=int, default=default.gains.passes, help="random goals it looks at")
     add("--updates", type=int, default=default.goals.updates, help="PPO updates of the global policy")
+    add(
+        "--value_updates",
+        type=int,
+        default=default.goals.value_updates,
+        help="updates at the start in which only the critic learns",
+    )
     add("--envs", type=int, default=default.goals.envs, help="episodes of an update")
     add("--test_homes", type=int, default=default.test_homes, help="homes to evaluate on")
     add("--test_episodes", type=int, default=default.test_episodes, help="episodes to evaluate in")

@@ -18,6 +18,7 @@ from train.command import parse_seeds, run_command, split_list
 from train.episodes import split_agent
 from train.play import add_backend_options, backend_of, report_failures
 from train.protocols import PROTOCOLS, Protocol, open_protocol
+from train.provenance import digest
 from train.report import write_report
 from train.results import Row, write_json
 from train.tables.measures import agent_name
@@ -85,17 +86,23 @@ def _run_of(options: Any, agents: Sequence[str]) -> TableRun:
     seeds = parse_seeds(options.seeds or str(DEFAULT_SEEDS))
     if options.quick and not options.seeds:
         seeds = list(QUICK_SEEDS[options.table])
-    # Another budget has a folder of its own: its rows cannot be compared with these.
-    name = f"{protocol.base}-quick" if options.quick else protocol.name
     return TableRun(
         agents,
         protocol,
         seeds,
-        Path(options.out or Path("runs") / options.table / name),
+        Path(options.out) if options.out else _folder_of(options, protocol),
         quick.env_options(options),
         options.pictures,
         with_maps=not options.quick or "mad_cm" in TABLES[options.table].native,
     )
+
+
+def _folder_of(options: Any, protocol: Protocol) -> Path:
+    """Another budget, or environment, has a folder of its own: its rows cannot be compared with these."""
+    name = protocol.base if options.quick and options.steps is None else protocol.name
+    environment = [digest(options.env, 6)] if options.env else []
+    folder = "-".join([name, *environment, *(["quick"] if options.quick else [])])
+    return Path("runs", options.table, folder)
 
 
 def _protocol_of(options: Any) -> Protocol:

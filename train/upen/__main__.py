@@ -20,6 +20,7 @@ from train.batch_learning import follow
 from train.command import run_command
 from train.provenance import versions
 from train.quick import parse_quick_settings
+from train.results import write_json
 from train.run_folder import claim_folder
 from train.upen.data import Crops, CropSettings, class_shares, crops_of, test_homes, training_homes
 from train.upen.learning import LearningSettings, MemberLearner, homes_of_member
@@ -100,8 +101,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     save_ensemble(ensemble, out / SHIPPED.name, is_half=True)
     written = [out / "upen.json", *([SHIPPED.with_suffix(".json")] if options.install else [])]
     for path in [*written, *([Path(options.json)] if options.json else [])]:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+        write_json(path, report)
     if options.install:
         save_ensemble(ensemble, SHIPPED, is_half=True)
     print(format_scores(report["scores"]))

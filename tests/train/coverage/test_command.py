@@ -183,6 +183,14 @@ def test_lists_may_be_a_text_with_commas():
     assert (training.scenes, training.baselines) == (("home:studio:1-2", "home:studio:5"), ())
 
 
+def test_run_that_cannot_be_is_refused_before_its_folder_is_claimed(tmp_path):
+    with pytest.raises(ValueError, match="unknown agent 'fbo'; choose one of"):
+        replace(TINY, baselines=("fbo",))
+    with pytest.raises(ValueError, match="`env` must hold arguments of anm_gym:ANM/Explore-v0"):
+        CoverageRun(replace(TINY, out=tmp_path / "run", env={"camra": {"width_px": 16}}))
+    assert not (tmp_path / "run").exists()
+
+
 def test_settings_survive_json():
     training = replace(TINY, reward=CoverageWeights(known=0.5))
     plain = json.loads(json.dumps(training, default=lambda value: getattr(value, "__dict__", str(value))))

@@ -354,7 +354,7 @@ def test_command_draws_one_figure_and_says_where(room_file, tmp_path, capsys):
     main(["fig7", *options_of(room_file, tmp_path, steps=4), "--json", str(numbers)])
     assert "fig7: " in capsys.readouterr().out
     assert json.loads(numbers.read_text())["steps_done"] == 4
-    assert len(list(tmp_path.glob("fig7_anm_best_room_0.png"))) == 1
+    assert len(list(tmp_path.glob("fig7_anm_best_room_0_4_*.png"))) == 1, "budget and environment are named"
 
 
 def test_command_ends_with_an_error_where_there_is_no_picture(room_file, tmp_path, capsys):

@@ -55,7 +55,9 @@ def test_scenes_of_unlike_budget_have_panels_of_their_own(run):
 def test_failed_episode_has_no_curve(run):
     row = {"agent": "fbe", "preset": "", "scene": "a", "seed": 9, "protocol": "p", "steps": 4}
     append_row(run / ROWS_FILE, row | {"error": "MapError: no"})
-    assert gather_curves(run).panels[0].episodes["fbe"] == 3
+    curves = gather_curves(run)
+    assert curves.panels[0].episodes["fbe"] == 3
+    assert curves.gap == "6 of 7 episodes, the others without a curve, 1 of them failed"
 
 
 def test_run_without_rows_names_the_command(tmp_path):

@@ -50,6 +50,14 @@ def test_flags_of_old_go_on_to_work() -> None:
     assert training().domain == VARIANTS["plus"]
 
 
+def test_quick_run_has_a_folder_of_its_own_unless_one_is_given() -> None:
+    folders = [
+        read_options(words)[0]["out"]
+        for words in ([], ["--quick"], ["--quick", "--evaluate"], ["--quick", "--out", "mine"])
+    ]
+    assert folders == ["runs/navigator", "runs/navigator-quick", "runs/navigator-quick", "mine"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

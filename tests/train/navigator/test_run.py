@@ -14,7 +14,6 @@ from safetensors.torch import load_file
 
 from agents.navigator_net import NavigatorNet, NavigatorNetSettings
 from agents.policy_file import load_policy
-from train.navigator.checkpoint import TrainingCheckpoint
 from train.navigator.dagger import DaggerSettings
 from train.navigator.env import DomainSettings
 from train.navigator.hardware import Hardware
@@ -22,6 +21,7 @@ from train.navigator.ppo import NavigatorPpo, PpoSettings
 from train.navigator.presets import NavigatorTraining
 from train.navigator.ranks import Ranks
 from train.navigator.run import DONE, IMITATION, REINFORCEMENT, NavigatorRun
+from train.training_checkpoint import TrainingCheckpoint
 
 ROOT = Path(__file__).resolve().parents[3]
 

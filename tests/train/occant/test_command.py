@@ -21,7 +21,7 @@ TINY = [
     "2",
 ]
 TINY += ["--gain_episodes", "1", "--gain_passes", "64"]
-TINY += ["--passes", "40", "--updates", "2", "--envs", "1", "--test_episodes", "1"]
+TINY += ["--passes", "40", "--updates", "2", "--value_updates", "1", "--envs", "1", "--test_episodes", "1"]
 
 
 @pytest.fixture(autouse=True)
@@ -75,6 +75,19 @@ def test_quick_run_keeps_what_is_given() -> None:
     asked = training_of(read_options(["--quick", "--updates", "7", "--goal_homes=60", "--no-anticipation"]))
     assert (asked.goals.updates, asked.goal_homes, asked.reward) == (7, 60, "area_seen")
     assert asked.goals.envs == OccAntTraining().quick().goals.envs
+
+
+def test_policy_that_nothing_would_be_taught_is_refused_before_the_folder_is_claimed(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="`updates` must be > 8, in which only the critic learns, got 8"):
+        main(["--updates", "8", "--out", str(tmp_path / "run")])
+    assert not (tmp_path / "run").exists()
+
+
+def test_quick_run_has_a_folder_of_its_own_and_is_not_shipped() -> None:
+    assert read_options(["--quick"]).out == "runs/occant-quick"
+    assert read_options(["--quick", "--out", "mine"]).out == "mine"
+    with pytest.raises(ValueError, match="`--install` must not come with `--quick`"):
+        read_options(["--quick", "--install"])
 
 
 def test_quick_run_is_small_and_of_the_same_kind() -> None:

@@ -10,6 +10,7 @@ from train.command import run_command
 from train.episodes import split_agent
 from train.play import ROWS_FILE
 from train.protocols import Protocol, ProtocolScene
+from train.provenance import digest
 from train.results import append_row, read_rows
 from train.tables.__main__ import main, play_command
 from train.tables.published import PUBLISHED
@@ -55,6 +56,24 @@ def test_finished_table_is_not_played_again(written, room_file):
     played = play_command(options_of(room_file, written, "--agents", "random", "fbe:paper"))
     assert (written / ROWS_FILE).read_bytes() == before
     assert len(played.rows) == 4
+
+
+def test_rows_that_cannot_be_compared_lie_in_folders_apart(room_file, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    fixed = ["table1", "--protocol=open-scenes", f"--root={room_file.parent}", "--scenes", "room"]
+    fixed += ["--seeds=1", "--workers=0", "--agents", "random", "--no-pictures", "--reference", "random"]
+    for more in (["--quick"], ["--quick", "--steps=2"], ["--steps=2"], ["--steps=2", "--env", TINY_CAMERA]):
+        play_command([*fixed, *more])
+    stems = sorted(path.name for path in (tmp_path / "runs" / "table1").iterdir())
+    environment = digest(json.loads(TINY_CAMERA), 6)
+    assert stems == sorted(
+        [
+            "open-scenes-quick",
+            "open-scenes-2-steps-quick",
+            "open-scenes-2-steps",
+            f"open-scenes-2-steps-{environment}",
+        ]
+    )
 
 
 def test_table_goes_on_with_what_is_missing(written, room_file, tmp_path):

@@ -127,6 +127,12 @@ def test_quick_run_keeps_what_is_given() -> None:
     assert asked.test_homes == UpenTraining().quick().test_homes
 
 
+def test_quick_run_has_a_folder_of_its_own_and_is_not_shipped() -> None:
+    assert (read_options([]).out, read_options(["--quick"]).out) == ("runs/upen", "runs/upen-quick")
+    with pytest.raises(ValueError, match="`--install` must not come with `--quick`"):
+        read_options(["--quick", "--install"])
+
+
 def test_quick_run_is_small() -> None:
     quick = UpenTraining().quick()
     assert quick.homes * quick.crops.crops_per_home <= 100

@@ -2,15 +2,14 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, final
+from typing import Any, Final, final
 
 import torch
-from torch import Tensor, nn
+from torch import nn
 
-from anm_gym.errors import PolicyError
-from train.progress_file import read_checkpoint, write_checkpoint
+from train.progress_file import load_progress, read_checkpoint, save_progress
 
-_MODULE, _OPTIMIZER = "module/", "optimizer/"
+_MODULE: Final = "module"
 
 
 @dataclass
@@ -40,12 +39,7 @@ class TrainingCheckpoint:
 
     def save(self, module: nn.Module, optimizer: torch.optim.Optimizer, progress: Progress) -> None:
         """Write where the run stands; the file appears whole or not at all."""
-        tensors = {_MODULE + name: values for name, values in module.state_dict().items()}
-        for index, values in optimizer.state_dict()["state"].items():
-            tensors |= {
-                f"{_OPTIMIZER}{index}/{name}": torch.as_tensor(value) for name, value in values.items()
-            }
-        write_checkpoint(self.path, tensors, vars(progress))
+        save_progress(self.path, {_MODULE: module}, optimizer, vars(progress))
 
     def progress(self) -> Progress | None:
         """Where the run stands; None before the first checkpoint.
@@ -63,17 +57,4 @@ class TrainingCheckpoint:
         Raises:
             PolicyError: If the file cannot be read or does not fit.
         """
-        tensors, _ = read_checkpoint(self.path)
-        moments: dict[int, dict[str, Tensor]] = {}
-        for name, values in tensors.items():
-            if name.startswith(_OPTIMIZER):
-                index, key = name.removeprefix(_OPTIMIZER).split("/")
-                moments.setdefault(int(index), {})[key] = values
-        weights = {
-            name.removeprefix(_MODULE): values for name, values in tensors.items() if name.startswith(_MODULE)
-        }
-        try:
-            module.load_state_dict(weights)
-            optimizer.load_state_dict({**optimizer.state_dict(), "state": moments})
-        except (RuntimeError, ValueError) as error:
-            raise PolicyError(f"the checkpoint {self.path} must fit the settings, got {error}") from error
+        load_progress(self.path, {_MODULE: module}, optimizer)

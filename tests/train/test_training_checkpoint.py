@@ -7,7 +7,7 @@ import torch
 from torch import nn
 
 from anm_gym.errors import PolicyError
-from train.navigator.checkpoint import Progress, TrainingCheckpoint
+from train.training_checkpoint import Progress, TrainingCheckpoint
 
 
 def make() -> tuple[nn.Module, torch.optim.Adam]:
