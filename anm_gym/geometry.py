@@ -93,6 +93,11 @@ def wrap_angle(angle_rad: float) -> float:
     return float((angle_rad + np.pi) % (2.0 * np.pi) - np.pi)
 
 
+def wrap_angles(angles_rad: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Bring angles of any shape into [-pi, pi), radians."""
+    return np.asarray((angles_rad + np.pi) % (2.0 * np.pi) - np.pi)
+
+
 def forward_xz(heading_rad: float) -> NDArray[np.float64]:
     """Unit vector (x, z) of a heading: 0 looks along -z, pi/2 (left) along -x."""
     return np.array([-np.sin(heading_rad), -np.cos(heading_rad)])

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from anm_gym.geometry import heading_of
 from anm_gym.sim.grid import GridFrame
 
 KEEP_SHARE: Final = 0.9
@@ -36,7 +37,7 @@ class FloorPose:
     def of(cls, world_from_camera: NDArray[np.floating]) -> "FloorPose":
         """Drop the pose (4, 4) of a level camera on the floor."""
         x, z = world_from_camera[[0, 2], 3]
-        return cls((float(x), float(z)), float(np.arctan2(world_from_camera[0, 2], world_from_camera[2, 2])))
+        return cls((float(x), float(z)), heading_of(world_from_camera))
 
     @property
     def world_from_ego(self) -> NDArray[np.float64]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from anm_gym.checks import check_at_least, check_positive
 from anm_gym.geometry import CameraSpec
+from anm_gym.map.views import sectors_in_view
 from anm_gym.map.volume import FREE, OCCUPIED, UNKNOWN, ObservedVolume
 
 SEEN, UNSEEN, WALL = 0, 1, 2
@@ -84,7 +85,7 @@ def unseen_volume(
     samples = _cast(_Box(volume, centers, floor_y_m, settings), centers, camera, settings)
     size = len(centers) * settings.num_headings
     sectors = np.bincount(samples.sector, samples.hoped_m3, minlength=size).astype(np.float64)
-    return _in_view(sectors.reshape(len(centers), settings.num_headings), camera)
+    return sectors_in_view(sectors.reshape(len(centers), settings.num_headings), camera)
 
 
 def unseen_by_cell(
@@ -119,18 +120,10 @@ def unseen_by_cell(
     def share(volume_m3: NDArray[np.float32]) -> NDArray[np.float32]:
         flat = samples.sector * len(shown) + cell
         by_sector = np.bincount(flat, volume_m3, minlength=int(np.prod(shape))).astype(np.float64)
-        in_view = _in_view(by_sector.reshape(shape), camera)
+        in_view = sectors_in_view(by_sector.reshape(shape), camera)
         return np.minimum(in_view / total_m3, 1.0).astype(np.float32)
 
     return UnseenByCell(total_m3, share(samples.hoped_m3), share(samples.volume_m3))
-
-
-def _in_view(sectors: NDArray[np.float64], camera: CameraSpec) -> NDArray[np.float64]:
-    """Sum the (P, H, ...) sectors of a circle that an image shows, by the heading of its middle."""
-    sector_rad = 2.0 * np.pi / sectors.shape[1]
-    half_sectors = max(0, int(np.deg2rad(camera.hfov_deg) / 2.0 / sector_rad - 0.5 + 1e-9))
-    shifts = range(-half_sectors, half_sectors + 1)
-    return np.asarray(sum(np.roll(sectors, shift, axis=1) for shift in shifts))
 
 
 class _Box:

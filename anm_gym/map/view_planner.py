@@ -31,6 +31,7 @@ from anm_gym.map.views import (
     gains_by_heading,
     in_image,
     rank_views,
+    sector_of,
     view_costs,
 )
 
@@ -235,6 +236,5 @@ class ViewPlanner:
 
     def _still_serves(self, current: View, utilities: NDArray[np.float64], best: View) -> bool:
         """The view under way, which is the first candidate, is nearly as good as the best."""
-        sector = 2.0 * np.pi / self.settings.views.num_headings
-        heading = round(current.heading_rad / sector) % self.settings.views.num_headings
+        heading = sector_of(current.heading_rad, self.settings.views.num_headings)
         return bool(utilities[0, heading] >= self.settings.keep_share * best.utility)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from anm_gym.actions import FORWARD_STEP_M, TURN_STEP_DEG
 from anm_gym.checks import check_at_least, check_positive
-from anm_gym.geometry import CameraSpec, camera_pose
+from anm_gym.geometry import CameraSpec, camera_pose, wrap_angle, wrap_angles
 from anm_gym.map.volume import ObservedVolume
 
 
@@ -91,7 +91,7 @@ class TakenViews:
         poses = np.array(self._poses).reshape(-1, 3)
         near = np.linalg.norm(positions_xz[:, None] - poses[None, :, :2], axis=2) <= self.radius_m
         headings = 2.0 * np.pi * np.arange(num_headings) / num_headings
-        is_towards = np.abs(_wrap(headings - poses[:, 2:])) <= self.angle_rad
+        is_towards = np.abs(wrap_angles(headings - poses[:, 2:])) <= self.angle_rad
         # In floats, which count exactly here: products of bool matrices take fifty times as long.
         return np.asarray(near.astype(np.float32) @ is_towards.astype(np.float32) > 0.0)
 
@@ -180,10 +180,15 @@ def gains_by_heading(
     size = len(places) * settings.num_headings
     # Without points, `bincount` counts in whole numbers.
     sums = np.bincount(flat.ravel(), worth.ravel(), minlength=size).astype(np.float64)
-    histogram = sums.reshape(len(places), settings.num_headings)
-    half_sectors = max(0, int(np.deg2rad(camera.hfov_deg) / 2.0 / sector - 0.5 + 1e-9))
+    return sectors_in_view(sums.reshape(len(places), settings.num_headings), camera)
+
+
+def sectors_in_view(sectors: NDArray[np.float64], camera: CameraSpec) -> NDArray[np.float64]:
+    """Sum the (P, H, ...) sectors of a circle that an image shows, by the heading of its middle."""
+    sector_rad = 2.0 * np.pi / sectors.shape[1]
+    half_sectors = max(0, int(np.deg2rad(camera.hfov_deg) / 2.0 / sector_rad - 0.5 + 1e-9))
     shifts = range(-half_sectors, half_sectors + 1)
-    return np.asarray(sum(np.roll(histogram, shift, axis=1) for shift in shifts))
+    return np.asarray(sum(np.roll(sectors, shift, axis=1) for shift in shifts))
 
 
 def view_costs(
@@ -209,7 +214,8 @@ def view_costs(
     goes = distances_m > settings.forward_step_m
     travel = np.where(goes, np.arctan2(-delta[:, 0], -delta[:, 1]), agent_heading_rad)
     headings = 2.0 * np.pi * np.arange(settings.num_headings) / settings.num_headings
-    turns = np.abs(_wrap(travel - agent_heading_rad))[:, None] + np.abs(_wrap(headings - travel[:, None]))
+    turns = np.abs(wrap_angles(travel - agent_heading_rad))[:, None]
+    turns = turns + np.abs(wrap_angles(headings - travel[:, None]))
     steps = distances_m / settings.forward_step_m
     return np.asarray(steps[:, None] + turns / settings.turn_step_rad)
 
@@ -229,7 +235,7 @@ def rank_views(
     place, heading = np.unravel_index(int(utilities.argmax()), utilities.shape)
     best = View(
         position_xz=positions_xz[place],
-        heading_rad=float(_wrap(np.array(2.0 * np.pi * heading / settings.num_headings))),
+        heading_rad=wrap_angle(2.0 * np.pi * heading / settings.num_headings),
         gain=float(gains[place, heading]),
         cost_steps=float(costs[place, heading] + settings.fixed_cost_steps),
     )
@@ -244,7 +250,3 @@ def sector_of(heading_rad: float, num_headings: int) -> int:
         27
     """
     return round(heading_rad * num_headings / (2.0 * np.pi)) % num_headings
-
-
-def _wrap(angle_rad: NDArray[np.float64]) -> NDArray[np.float64]:
-    return (angle_rad + np.pi) % (2.0 * np.pi) - np.pi

@@ -12,12 +12,11 @@ from skimage.morphology import skeletonize
 
 from anm_gym.checks import check_at_least, check_positive
 from anm_gym.map.occupancy import OccupancyGrid
+from anm_gym.map.reach import ESCAPE_M
 from anm_gym.sim.geodesic import STEPS, nearest_free_cell
 from anm_gym.sim.grid import GridFrame
 
 EIGHT: Final = np.ones((3, 3), bool)
-ESCAPE_M: Final = 0.5
-"""How far from an agent that stands too close to an obstacle the nearest passable cell may be, metres."""
 
 
 @dataclass(frozen=True)

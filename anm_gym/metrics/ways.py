@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from anm_gym.actions import FORWARD_STEP_M, TURN_STEP_DEG
+from anm_gym.geometry import wrap_angles
 from anm_gym.metrics.pooling import pooled
 from anm_gym.metrics.view_table import ViewTable
 from anm_gym.sim.geodesic import GeodesicTree, GridGraph, nearest_free_cell
@@ -102,8 +103,8 @@ class WayPlanner:
         delta = self._table.positions_xz - place.position_xz
         is_here = distance_m < self._forward_step_m
         bearing = np.where(is_here, place.heading_rad, np.arctan2(-delta[:, 0], -delta[:, 1]))
-        turns = np.abs(_wrapped(bearing - place.heading_rad))[:, None]
-        turns = turns + np.abs(_wrapped(self._table.headings_rad - bearing[:, None]))
+        turns = np.abs(wrap_angles(bearing - place.heading_rad))[:, None]
+        turns = turns + np.abs(wrap_angles(self._table.headings_rad - bearing[:, None]))
         return np.asarray(distance_m[:, None] / self._forward_step_m + turns / self._turn_step_rad)
 
     def way(self, place: Place, pose: tuple[int, int], bits: NDArray[np.uint64]) -> Way:
@@ -121,7 +122,7 @@ class WayPlanner:
         lengths_m = np.linalg.norm(legs, axis=1)
         legs, stops = legs[lengths_m > 1e-9], points[1:][lengths_m > 1e-9]
         bearings = np.arctan2(-legs[:, 0], -legs[:, 1])
-        turns = _wrapped(np.diff(np.concatenate([[place.heading_rad], bearings, [goal_heading]])))
+        turns = wrap_angles(np.diff(np.concatenate([[place.heading_rad], bearings, [goal_heading]])))
         last = float(bearings[-1]) if len(bearings) else place.heading_rad
         sweep = self._sweep(last, goal_heading)
         on_way = self._nearest.query(stops)[1] if len(stops) else np.zeros(0, np.int64)
@@ -138,7 +139,7 @@ class WayPlanner:
 
     def _sweep(self, from_rad: float, to_rad: float) -> NDArray[np.float64]:
         """Headings passed while turning the short way, about as dense as the table's."""
-        turn = float(_wrapped(np.asarray(to_rad - from_rad)))
+        turn = float(wrap_angles(np.asarray(to_rad - from_rad)))
         pitch = 2.0 * np.pi / len(self._table.headings_rad)
         return from_rad + turn * np.linspace(0.0, 1.0, 1 + int(np.ceil(abs(turn) / pitch)))
 
@@ -157,7 +158,3 @@ def _widened(grid: TraversableGrid) -> tuple[GridFrame, NDArray[np.bool_]]:
         return grid.frame, free
     wide = pooled(np.logical_or, free, 2)
     return GridFrame(grid.frame.origin_xz, 2.0 * grid.frame.cell_m, wide.shape), wide
-
-
-def _wrapped(angles_rad: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray((angles_rad + np.pi) % (2.0 * np.pi) - np.pi)
