@@ -204,7 +204,7 @@ def test_grid_without_a_frame_has_no_cells(grid: OccupancyGrid) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"cell_m": 0.0}, "`cell_m` and"),
+        ({"cell_m": 0.0}, "`cell_m` must be > 0"),
         ({"max_range_m": -1.0}, "`max_range_m`"),
         ({"obstacle_min_m": 2.0}, "in"),
     ],
