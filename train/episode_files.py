@@ -18,6 +18,7 @@ from anm_gym.envs.goals import GoalRange
 from anm_gym.envs.options import read_names
 from anm_gym.envs.pointnav_episodes import PointNavEpisode, draw_episodes
 from train.command import run_command, split_list
+from train.option_names import spell_with_dashes
 from train.quick import add_quick_option, parse_quick
 from train.results import write_json
 
@@ -143,13 +144,13 @@ def _parser() -> ArgumentParser:
     add("--seed", type=int, default=0, help="seed of the draws")
     add("--split", default="val", help="name of the split")
     add("--out", default=OUT, help="folder of the dataset")
-    add("--scenes_dir", default=".", help="folder of the mesh files")
-    add("--scene_options", type=dict | None, default=None, help="keywords for mesh files, such as up_axis")
-    add("--min_distance_m", type=float, default=1.0, help="shortest geodesic distance, metres")
-    add("--max_distance_m", type=float, default=30.0, help="longest geodesic distance, metres")
+    add("--scenes-dir", default=".", help="folder of the mesh files")
+    add("--scene-options", type=dict | None, default=None, help="keywords for mesh files, such as up_axis")
+    add("--min-distance-m", type=float, default=1.0, help="shortest geodesic distance, metres")
+    add("--max-distance-m", type=float, default=30.0, help="longest geodesic distance, metres")
     add_quick_option(parser, f"{QUICK_EPISODES} episodes in each scene, in a folder of their own")
     add("--json", default=None, help="write the printed table to this file")
-    return parser
+    return spell_with_dashes(parser)
 
 
 if __name__ == "__main__":

@@ -28,12 +28,16 @@ def spell_with_dashes(parser: ArgumentParser) -> ArgumentParser:
         >>> _ = parser.add_argument("--eval_scenes", default="")
         >>> spell_with_dashes(parser).parse_args(["--eval-scenes", "home:flat:1"]).eval_scenes
         'home:flat:1'
+        >>> _ = parser.add_argument("--test-scenes", default="")
+        >>> spell_with_dashes(parser).parse_args(["--test_scenes", "home:flat:2"]).test_scenes
+        'home:flat:2'
     """
     for action in parser._actions:
         if action.dest == PRINT_CONFIG:
             continue  # the library looks for its name among the words
         dashed = [name.replace("_", "-") for name in action.option_strings]
-        if dashed != list(action.option_strings):
+        underscored = ["--" + name[2:].replace("-", "_") for name in dashed if name.startswith("--")]
+        if dashed != underscored:
             action.option_strings = dashed
-            parser._option_string_actions.update(dict.fromkeys(dashed, action))
+            parser._option_string_actions.update(dict.fromkeys([*dashed, *underscored], action))
     return parser

@@ -30,6 +30,7 @@ from train.occant.goal_gains import GainLearner, GainLearning, gains_of
 from train.occant.goal_learning import GoalLearner, GoalLearning, coverage, policy_chooser, random_chooser
 from train.occant.twin import Reward, TwinSettings
 from train.occant.twin_world import TwinWorld
+from train.option_names import spell_with_dashes
 from train.provenance import versions
 from train.quick import parse_quick_settings
 from train.results import write_json
@@ -275,33 +276,33 @@ def _parser(default: OccAntTraining) -> ArgumentParser:
     add(
         "--width", type=int, default=default.model.width, help="channels of the U-Net; 16 in the paper's code"
     )
-    add("--frame_homes", type=int, default=default.frame_homes, help="homes the anticipator learns from")
-    add("--frames_per_home", type=int, default=default.frames.frames_per_home, help="looks at each of them")
+    add("--frame-homes", type=int, default=default.frame_homes, help="homes the anticipator learns from")
+    add("--frames-per-home", type=int, default=default.frames.frames_per_home, help="looks at each of them")
     add("--passes", type=int, default=default.anticipator.passes, help="frames the anticipator looks at")
-    add("--goal_homes", type=int, default=default.goal_homes, help="homes the global policy learns in")
+    add("--goal-homes", type=int, default=default.goal_homes, help="homes the global policy learns in")
     add(
-        "--gain_episodes",
+        "--gain-episodes",
         type=int,
         default=default.gains.episodes,
         help="episodes of random goals that the global policy starts from; 0 for none",
     )
-    add("--gain_passes", type=int, default=default.gains.passes, help="random goals it looks at")
+    add("--gain-passes", type=int, default=default.gains.passes, help="random goals it looks at")
     add("--updates", type=int, default=default.goals.updates, help="PPO updates of the global policy")
     add(
-        "--value_updates",
+        "--value-updates",
         type=int,
         default=default.goals.value_updates,
         help="updates at the start in which only the critic learns",
     )
     add("--envs", type=int, default=default.goals.envs, help="episodes of an update")
-    add("--test_homes", type=int, default=default.test_homes, help="homes to evaluate on")
-    add("--test_episodes", type=int, default=default.test_episodes, help="episodes to evaluate in")
+    add("--test-homes", type=int, default=default.test_homes, help="homes to evaluate on")
+    add("--test-episodes", type=int, default=default.test_episodes, help="episodes to evaluate in")
     add("--seed", type=int, default=default.seed, help="seeds everything")
     add("--out", default="runs/occant", help="folder of the run; started again, it goes on")
     add("--json", default=None, help="write settings, curves and scores to this file too")
     add("--quick", action=yes_or_no, default=False, help="a run of seconds, but for what is given")
     add("--install", action=yes_or_no, default=False, help="ship the result")
-    return parser
+    return spell_with_dashes(parser)
 
 
 if __name__ == "__main__":

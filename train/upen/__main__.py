@@ -18,6 +18,7 @@ from tqdm import tqdm
 from agents.upen_ensemble import SHIPPED, Ensemble, EnsembleSettings, save_ensemble
 from train.batch_learning import follow
 from train.command import run_command
+from train.option_names import spell_with_dashes
 from train.provenance import versions
 from train.quick import parse_quick_settings
 from train.results import write_json
@@ -150,8 +151,8 @@ def _parser(default: UpenTraining) -> ArgumentParser:
     parser = ArgumentParser(prog="python -m train.upen", description=__doc__.splitlines()[0])
     add = parser.add_argument
     add("--homes", type=int, default=default.homes, help="procedural homes to learn from")
-    add("--test_homes", type=int, default=default.test_homes, help="procedural homes to evaluate on")
-    add("--crops_per_home", type=int, default=default.crops.crops_per_home, help="crops of each home")
+    add("--test-homes", type=int, default=default.test_homes, help="procedural homes to evaluate on")
+    add("--crops-per-home", type=int, default=default.crops.crops_per_home, help="crops of each home")
     add("--net", default=default.raster.net, help="residual (UPEN's) or plain (OccAnt's)")
     add(
         "--width",
@@ -168,7 +169,7 @@ def _parser(default: UpenTraining) -> ArgumentParser:
     yes_or_no = ActionYesNo(yes_prefix="", no_prefix="no-")
     add("--quick", action=yes_or_no, default=False, help="a run of seconds, but for what is given")
     add("--install", action=yes_or_no, default=False, help="ship the result")
-    return parser
+    return spell_with_dashes(parser)
 
 
 if __name__ == "__main__":
