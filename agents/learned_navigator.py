@@ -141,7 +141,7 @@ class DDPPONavigator(Navigator):
 
     def _move(self, shown: dict[str, Any]) -> Action:
         goal = self.env.goal
-        if self._distance_m(goal.position_xz) <= self.env.limits.arrival_m:
+        if self._distance_m(goal.position_xz) <= self.env.arrival_m:
             error_rad = self._heading_error_rad(goal)
             if abs(error_rad) > 0.51 * self._turn_step_rad:
                 return turn_towards(error_rad)

@@ -139,7 +139,7 @@ class NbvGoalWrapper(GoalWrapper):
 
     def _begin_episode(self) -> None:
         self._views = UnseenViews(self, self.settings.unseen)
-        self._taken = TakenViews(self.limits.arrival_m, np.deg2rad(self.limits.arrival_deg))
+        self._taken = TakenViews(self.arrival_m, self.arrival_rad)
         self._view: View | None = None
 
     def _see(self, observation: Observation) -> None:

@@ -107,7 +107,7 @@ class PlanningNavigator(Navigator):
     def _try(self) -> tuple[Action | None, str]:
         """Choose an action towards the goal; None and the reason if it is out of reach."""
         goal, position_xz = self.env.goal, self.env.position_xz
-        is_near = self._distance_m(goal.position_xz) <= self.env.limits.arrival_m
+        is_near = self._distance_m(goal.position_xz) <= self.env.arrival_m
         at_end = self._way is not None and self._distance_m(self._way.end_xz) <= self.settings.end_m
         if is_near or at_end:
             return self._align(goal)

@@ -33,9 +33,10 @@ SPOT_M: Final = 0.4
 MAX_TURNS: Final = 24
 """Turns on one spot after which an agent is lost: two thirds of the way round, at 10 degrees a turn."""
 AWAY_M: Final = 1.5
-"""A lost agent is led until it is so far from the spot, metres."""
+"""An agent that turns on one spot is led until it is so far from there, metres."""
 MAX_LED_STEPS: Final = 80
-"""It is led no longer than this: what leads it may be wrong as well."""
+"""It is led no longer than this: what leads it may be wrong as well. For one that comes no nearer, which has
+farther to go, see `agents.patience`."""
 _ROUNDING_RAD: Final = 1e-6
 _ONLY: Final = np.eye(len(Action), dtype=bool)
 """Row by row what is allowed if one action alone is."""

@@ -112,7 +112,7 @@ class RhNbvGoalWrapper(GoalWrapper):
 
     def _begin_episode(self) -> None:
         self._views = UnseenViews(self, self.settings.unseen)
-        self._taken = TakenViews(self.limits.arrival_m, np.deg2rad(self.limits.arrival_deg))
+        self._taken = TakenViews(self.arrival_m, self.arrival_rad)
         self._branch: list[NDArray[np.float64]] = []
         self._looks: list[tuple[NDArray[np.float64], float]] = []
         self._promised_m3 = 0.0

@@ -1,8 +1,8 @@
 """Where a lost agent is led: along a finer wave close around it, through gaps that the wide wave shuts.
 
 The wide wave has cells so large that furniture half a metre apart shuts a way. Around an agent that does
-not get away from a spot another one is spread over the cells of its near map; at the rim it takes the
-distances of the wide one.
+not get away from a spot, or comes no nearer for long, another one is spread over the cells of its near map;
+at the rim it takes the distances of the wide one.
 """
 
 from dataclasses import dataclass

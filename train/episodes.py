@@ -123,10 +123,10 @@ def play(job: Job) -> Row:
     Returns:
         Its row, with every field of `ROW_FIELDS`.
     """
-    start_s, row = time.perf_counter(), Row()
+    start_s = time.perf_counter()
     try:
         episode = run_job(job)
-        row = episode.row | _leave_files(job, episode)
+        row = episode.row | _leave_files(job, episode) | {SCENE_FILE: file_digest(job.scene)}
         episode.env.close()
     except Exception as error:  # noqa: BLE001 - what one agent does must not end the others' run
         row = {"error": f"{type(error).__name__}: {error}", "traceback": traceback.format_exc(limit=-6)}
@@ -134,15 +134,15 @@ def play(job: Job) -> Row:
 
 
 def whole_row(job: Job, measured: Row, wall_s: float) -> Row:
-    """Give a row every field: what was not measured is null, and what made it is named.
+    """Give a row every field: what was not measured is null.
 
     Args:
         job: The episode.
         measured: What it came to.
         wall_s: Time that it took, seconds.
     """
-    source = {SCENE_FILE: file_digest(job.scene), "wall_s": round(wall_s, 3), "versions": versions()}
-    return dict.fromkeys(ROW_FIELDS) | job.identity | measured | source
+    taken = {"wall_s": round(wall_s, 3), "versions": versions()}
+    return dict.fromkeys(ROW_FIELDS) | job.identity | measured | taken
 
 
 def run_job(job: Job, progress: Progress | None = None) -> Episode:
@@ -167,8 +167,7 @@ def run_job(job: Job, progress: Progress | None = None) -> Episode:
     settings = effective_settings(agent.env, agent.policy)
     neural_map = find_attribute(agent.env, "neural_map")
     is_scored = neural_map is not None and job.with_maps
-    limits = find_attribute(agent.env, "limits")
-    failures = attribute(trajectory, limits and limits.arrival_m)
+    failures = attribute(trajectory, find_attribute(agent.env, "arrival_m"))
     row = {
         **job.identity,
         "settings_hash": digest(settings),

@@ -36,8 +36,14 @@ def spell_with_dashes(parser: ArgumentParser) -> ArgumentParser:
         if action.dest == PRINT_CONFIG:
             continue  # the library looks for its name among the words
         dashed = [name.replace("_", "-") for name in action.option_strings]
-        underscored = ["--" + name[2:].replace("-", "_") for name in dashed if name.startswith("--")]
+        underscored = [_underscored(name) for name in dashed if name.startswith("--")]
         if dashed != underscored:
             action.option_strings = dashed
             parser._option_string_actions.update(dict.fromkeys([*dashed, *underscored], action))
     return parser
+
+
+def _underscored(name: str) -> str:
+    """The spelling with underscores, but for the dashes by which the library tells no from yes."""
+    prefix = "--no-" if name.startswith("--no-") else "--"
+    return prefix + name.removeprefix(prefix).replace("-", "_")

@@ -54,7 +54,10 @@ def load_progress(path: Path, nets: Mapping[str, nn.Module], optimizer: optim.Op
             net.load_state_dict(_below(f"{prefix}.", tensors))
         optimizer.load_state_dict(state)
     except (RuntimeError, ValueError) as error:
-        raise PolicyError(f"the checkpoint {path} must fit the settings, got {error}") from error
+        raise PolicyError(
+            f"the checkpoint {path} must fit the settings, got {error}; if an earlier version wrote it, "
+            "delete it to start anew"
+        ) from error
     return progress
 
 

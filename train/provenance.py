@@ -86,7 +86,8 @@ def check_scene_files(scenes: Iterable[str], rows: Iterable[Row], path: Path) ->
 
     Args:
         scenes: Names or paths of what is to be played.
-        rows: What was played already; rows without `SCENE_FILE` are taken as they are.
+        rows: What was played already; rows without `SCENE_FILE` are taken as they are, and failed ones are no
+            matter, as they are played again.
         path: Where the rows lie, for the message.
 
     Raises:
@@ -95,7 +96,7 @@ def check_scene_files(scenes: Iterable[str], rows: Iterable[Row], path: Path) ->
     named = {scene_label(scene): scene for scene in scenes}
     files = {label: file_digest(scene) for label, scene in named.items()}
     for row in rows:
-        played, label = row.get(SCENE_FILE), row["scene"]
+        played, label = None if row.get("error") else row.get(SCENE_FILE), row["scene"]
         if played is not None and label in files and played != files[label]:
             raise ValueError(
                 f"the rows of {label} in {path} must come from {named[label]} as it is now, got those of "

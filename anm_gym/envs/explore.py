@@ -97,7 +97,7 @@ class ExploreEnv(MeshEnv):
     >>> env.close()
 
     ## Version History
-    - v0: first version.
+    - v0: first version. Mended after 0.1.0: floor behind the foot of a wall is not paid for.
     """
 
     def __init__(

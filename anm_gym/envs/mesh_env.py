@@ -17,7 +17,6 @@ from anm_gym.envs.picture import Moment, draw_moment
 from anm_gym.envs.shared_scenes import shared_scene, shared_simulator
 from anm_gym.errors import EpisodeError
 from anm_gym.geometry import CameraSpec, forward_xz, wrap_angle
-from anm_gym.scenes.catalog import takes_options
 from anm_gym.scenes.scene import Scene
 from anm_gym.sim.motion import Motion
 from anm_gym.sim.simulator import AgentState, Simulator
@@ -218,9 +217,8 @@ class MeshEnv(gymnasium.Env[Observation, np.int64], ABC):
         """What `render` draws."""
 
     def _bind(self, scene_name: str) -> None:
-        """Put a scene in place unless it is there; options are for the settings' scene and for meshes."""
-        is_told = scene_name == self.settings.scene or takes_options(scene_name)
-        scene = shared_scene(scene_name, self.settings.scene_options if is_told else None)
+        """Put a scene in place unless it is there already."""
+        scene = shared_scene(scene_name, self.settings.scene_options)
         if scene is not self.__dict__.get("_scene"):
             settings = self.settings
             self._check_camera(scene)

@@ -23,7 +23,7 @@ class MeshEnvSettings:
     see `anm_gym.scenes.catalog.make_scene`."""
     scene_options: Mapping[str, Any] | None = None
     """Keywords of `anm_gym.scenes.load.load_scene` for a mesh file: `up_axis`, `unit`, `storey`; for a
-    dataset's scene also `root`, the folder of datasets."""
+    dataset's scene also `root`, the folder of datasets. Homes and floor plans are made without."""
     camera: Mapping[str, Any] | None = None
     """Fields of `anm_gym.geometry.CameraSpec` that differ from the paper's camera."""
     forward_step_m: float = FORWARD_STEP_M

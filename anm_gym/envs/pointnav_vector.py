@@ -36,7 +36,7 @@ class PointNavVectorEnv(VectorEnv[Batch, NDArray[np.int64], NDArray[Any]]):
     |---|---|---|
     | `num_envs` | 1 | number of agents |
     | `scenes` | None | scenes handed out to the agents in turn; None puts all into `scene` |
-    | `max_episode_steps` | 500 | steps after which an episode is truncated; None for never |
+    | `max_episode_steps` | 500 | steps after which an episode is truncated; None or -1 for never |
 
     >>> import gymnasium
     >>> envs = gymnasium.make_vec(

@@ -11,8 +11,8 @@ from anm_gym.sim.traversable import TraversableGrid
 STRIDE = 2
 """Every second cell along rows and columns is looked for: 10 cm apart with the default grid."""
 SLACK_M = 0.2
-"""What a pixel shows may lie so much before a place and still be the place, metres, or as much as its row of
-pixels covers: hardly more than what parts the floor on the two sides of a thin wall."""
+"""What a pixel shows may lie so much before a place and still be the place, metres: hardly more than what
+parts the floor on the two sides of a thin wall."""
 
 
 class SeenFloor:
@@ -41,11 +41,9 @@ class SeenFloor:
         self._points_xz = grid.frame.centers_of(rows_columns).astype(np.float32)
         self._num_cells = max(1, len(self._cells))
         self._camera = camera
-        below_px = np.arange(camera.height_px) - 0.5 * camera.height_px
-        floor_m, far_edge_m = _floor_depth(camera, below_px + 0.5), _floor_depth(camera, below_px)
-        self._least_m = max(0.0, 1.0 - grid.body.climb_m / camera.sensor_height_m) * floor_m
-        extent_m = np.subtract(far_edge_m, floor_m, out=np.zeros_like(floor_m), where=floor_m < np.inf)
-        self._slack_m = np.maximum(extent_m, SLACK_M)
+        self._floor_m = floor_m = _floor_depth(camera)
+        higher = max(0.0, 1.0 - grid.body.climb_m / camera.sensor_height_m)
+        self._least_m = np.multiply(higher, floor_m, out=np.zeros_like(floor_m), where=floor_m < np.inf)
 
     @property
     def fraction(self) -> float:
@@ -99,12 +97,14 @@ class SeenFloor:
         rows = rows[framed]
         shown_m = depth_m[rows, columns[framed]]
         is_low = (shown_m > 0.0) & (shown_m >= self._least_m[rows])
-        is_there = shown_m >= ahead_m[framed] - self._slack_m[rows]
+        # A row of pixels covers more floor the farther off: where it shows its floor, it shows all of that.
+        is_there = shown_m >= np.minimum(ahead_m[framed], self._floor_m[rows]) - SLACK_M
         return np.asarray(inside[framed[is_low & is_there]])
 
 
-def _floor_depth(camera: CameraSpec, below_px: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Planar depth of an endless floor so far below the image's middle, metres; infinite from there up."""
-    depth_m = np.full(below_px.shape, np.inf)
+def _floor_depth(camera: CameraSpec) -> NDArray[np.float32]:
+    """(H,) planar depth of an endless floor in each row, metres; infinite from the horizon up."""
+    below_px = np.arange(camera.height_px) + 0.5 - 0.5 * camera.height_px
+    depth_m = np.full(camera.height_px, np.inf)
     np.divide(camera.sensor_height_m * camera.focal_px, below_px, out=depth_m, where=below_px > 0.0)
     return depth_m.astype(np.float32)

@@ -12,7 +12,7 @@ from typing import Any, Final
 from weakref import WeakKeyDictionary, WeakValueDictionary
 
 from anm_gym.geometry import CameraSpec
-from anm_gym.scenes.catalog import HOME_PREFIX, make_scene
+from anm_gym.scenes.catalog import HOME_PREFIX, make_scene, takes_options
 from anm_gym.scenes.scene import Scene
 from anm_gym.sim.simulator import Simulator
 from anm_gym.sim.traversable import TraversableGrid
@@ -32,12 +32,13 @@ def shared_scene(name: str, options: Mapping[str, Any] | None = None) -> Scene:
 
     Args:
         name: See `anm_gym.scenes.catalog.make_scene`.
-        options: Keywords for a mesh file.
+        options: Keywords for a mesh file; homes and floor plans, which know all that, are made without.
 
     Raises:
         SceneError: If the scene cannot be used.
     """
-    key = (str(name), tuple(sorted((options or {}).items())), _last_change_ns(str(name)))
+    chosen = options if options and takes_options(name) else {}
+    key = (str(name), tuple(sorted(chosen.items())), _last_change_ns(str(name)))
     scene = _in_use.get(key)
     if scene is None:
         scene = _in_use[key] = _make(*key)

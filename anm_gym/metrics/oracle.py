@@ -19,6 +19,7 @@ from anm_gym.metrics.sample_blocks import SampleBlocks
 from anm_gym.metrics.tours import Pose, Tour, TourSearch
 from anm_gym.metrics.view_table import ViewTable, pack
 from anm_gym.metrics.ways import Place, Way, WayPlanner
+from anm_gym.registration import EXPLORE_STEPS
 from anm_gym.sim.traversable import TraversableGrid
 
 
@@ -84,7 +85,7 @@ class GreedyCoverage:
         settings: OracleSettings | None = None,
         seed: int = 0,
         *,
-        horizon_steps: int = 1000,
+        horizon_steps: int = EXPLORE_STEPS,
     ) -> None:
         """Start with nothing covered.
 

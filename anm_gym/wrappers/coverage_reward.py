@@ -8,7 +8,6 @@ import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 
 from anm_gym.envs.mesh_env import MeshEnv, Observation
-from anm_gym.wrappers.needs import require_exploration
 from anm_gym.wrappers.occupancy import has_occupancy
 
 
@@ -75,7 +74,8 @@ class CoverageRewardWrapper(
     ) -> None:
         RecordConstructorArgs.__init__(self, floor=floor, known=known, collision=collision, slack=slack)
         super().__init__(env)
-        require_exploration(env)
+        if not isinstance(env.unwrapped, MeshEnv):
+            raise TypeError(f"`env` must be made of ANM/Explore-v0, got {type(env.unwrapped).__name__}")
         self.weights = CoverageWeights(floor, known, collision, slack)
         if known != 0.0 and not has_occupancy(env):
             raise ValueError(

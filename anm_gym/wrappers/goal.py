@@ -47,9 +47,9 @@ class GoalLimits:
     """When a goal has ended."""
 
     arrival_m: float = 0.2
-    """Distance at which a goal is reached, metres; half a forward step if that is more."""
+    """Distance at which a goal is reached, metres; see also `GoalWrapper.arrival_m`."""
     arrival_deg: float = 10.0
-    """Heading error at which a goal with a heading is reached, degrees; half a turn if that is more."""
+    """Heading error at which a goal with a heading is reached, degrees; see `GoalWrapper.arrival_rad`."""
     timeout_steps: int = 200
     """Steps after which a goal is given up."""
     review_steps: int = 10
@@ -204,14 +204,21 @@ class GoalWrapper(
 
     def is_reached(self, goal: Goal) -> bool:
         """Tell whether the agent stands at a goal and looks where it asks for, as near as its steps allow."""
-        forward_step_m, turn_step_rad = self.step_sizes
-        arrival_m = max(self.limits.arrival_m, 0.5 * forward_step_m)
-        if np.linalg.norm(goal.position_xz - self.position_xz) > arrival_m:
+        if np.linalg.norm(goal.position_xz - self.position_xz) > self.arrival_m:
             return False
         if goal.heading_rad is None:
             return True
-        error_rad = abs(wrap_angle(goal.heading_rad - self.heading_rad))
-        return bool(error_rad <= max(np.deg2rad(self.limits.arrival_deg), 0.51 * turn_step_rad))
+        return bool(abs(wrap_angle(goal.heading_rad - self.heading_rad)) <= self.arrival_rad)
+
+    @property
+    def arrival_m(self) -> float:
+        """Distance at which a goal is reached: the limit, or half a forward step if that is more, metres."""
+        return max(self.limits.arrival_m, 0.5 * self.step_sizes[0])
+
+    @property
+    def arrival_rad(self) -> float:
+        """Heading error at which it is: the limit, or a little more than half a turn, radians."""
+        return max(float(np.deg2rad(self.limits.arrival_deg)), 0.51 * self.step_sizes[1])
 
     def note_handover(self, reason: str) -> None:
         """Take note that another navigator drives to the current goal from here; it stays the goal.

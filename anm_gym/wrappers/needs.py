@@ -10,9 +10,11 @@ def require_exploration(env: gymnasium.Env[Any, Any]) -> None:
     """Refuse an environment without the observations of `ANM/Explore-v0`.
 
     Raises:
-        ValueError: If there is no depth or no pose in its observations, or nobody knows its camera.
+        ValueError: If there is no depth or no pose in its observations, or it has no camera.
     """
     space = env.observation_space
     keys = set(space.spaces) if isinstance(space, spaces.Dict) else set()
-    if not {"depth", "world_from_camera"} <= keys or not env.has_wrapper_attr("camera"):
+    if not {"depth", "world_from_camera"} <= keys:
         raise ValueError(f"`env` must have the observations of ANM/Explore-v0, got {space}")
+    if not env.has_wrapper_attr("camera"):
+        raise ValueError("`env` must have a `camera`, as ANM/Explore-v0 has, got none")

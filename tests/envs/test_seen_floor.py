@@ -79,7 +79,7 @@ def test_empty_pixels_show_nothing(simulator: Simulator) -> None:
     assert seen.look(np.zeros((64, 64), np.float32), simulator.state) == 0.0
 
 
-@pytest.mark.parametrize("sensor_height_m", [0.3, 1.25])
+@pytest.mark.parametrize("sensor_height_m", [0.1, 0.3, 1.25])
 def test_foot_of_a_wall_does_not_show_the_floor_behind_it(
     two_rooms: TriangleMesh, sensor_height_m: float
 ) -> None:

@@ -90,3 +90,8 @@ def test_local_horizon_prefers_what_is_in_view(half_room: NeuralMap) -> None:
 
 def test_no_view_gives_no_choice(half_room: NeuralMap) -> None:
     assert choose_target_view([], half_room, np.zeros(3), np.empty((0, 3), np.float32), SETTINGS) is None
+
+
+def test_more_than_all_cannot_be_kept() -> None:
+    with pytest.raises(ValueError, match=r"`keep_share` must be at most 1, got 1\.5"):
+        replace(SETTINGS, keep_share=1.5)

@@ -95,3 +95,8 @@ def test_the_cost_of_a_goal_counts_steps_and_turns(planner, simulator):
     distance_m = simulator.geodesic_distance_m([-2.0, 0.0], goal.position_xz)
     assert goal.cost_steps >= 0.9 * distance_m / 0.065
     assert goal.cost_steps <= 1.3 * distance_m / 0.065 + 3 * 36
+
+
+def test_budget_of_no_step_is_refused(table, simulator):
+    with pytest.raises(ValueError, match="`horizon_steps` must be >= 1, got 0"):
+        GreedyCoverage(table, simulator.grid, horizon_steps=0)

@@ -73,6 +73,18 @@ def test_option_that_dask_does_not_have_is_named_before_any_worker_starts(more, 
 
 
 @pytest.mark.needs_dask
+def test_episode_that_dask_gave_up_ends_in_one_line():
+    def play(_job):
+        import distributed
+
+        worker = SimpleNamespace(address="tcp://worker")
+        raise distributed.KilledWorker("play", worker, 3)  # as its scheduler does when workers keep dying
+
+    with pytest.raises(BackendError, match=r"dask gave an episode up: .*; the same command plays what is"):
+        results_of(Backend("dask", 2, {"processes": False}), play, [1, 2])
+
+
+@pytest.mark.needs_dask
 def test_silent_scheduler_is_named(square):
     backend = Backend("dask", 1, {"address": "tcp://127.0.0.1:9", "timeout": 0.5})
     with pytest.raises(BackendError, match=r"no dask scheduler answers at tcp://127\.0\.0\.1:9"):

@@ -11,7 +11,15 @@ import pytest
 from agents.roster import build_agent
 from anm_gym.mesh import TriangleMesh
 from train.episodes import make_env
-from train.provenance import commit_of, digest, effective_settings, geometry_digest, versions
+from train.provenance import (
+    check_scene_files,
+    commit_of,
+    digest,
+    effective_settings,
+    file_digest,
+    geometry_digest,
+    versions,
+)
 from train.tables.rosters import TABLES
 
 
@@ -59,6 +67,16 @@ def test_budget_and_scene_are_no_settings_of_any_agent_of_the_table(agent):
         digests.add(digest(effective_settings(built.env, built.policy)))
         built.env.close()
     assert len(digests) == 1
+
+
+def test_failed_episode_does_not_bind_its_scene_to_the_file_that_failed(tmp_path):
+    scene = tmp_path / "flat.ply"
+    scene.write_text("broken", encoding="utf-8")
+    played = {"scene": "flat", "scene_file": file_digest(str(scene))}
+    scene.write_text("mended", encoding="utf-8")
+    check_scene_files([str(scene)], [played | {"error": "SceneError: broken"}], tmp_path / "rows.jsonl")
+    with pytest.raises(ValueError, match=r"the rows of flat in .*rows\.jsonl must come from"):
+        check_scene_files([str(scene)], [played], tmp_path / "rows.jsonl")
 
 
 def test_seed_is_no_setting():
