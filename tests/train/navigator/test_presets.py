@@ -73,7 +73,7 @@ def test_second_stage_may_be_left_out_or_teach_the_actor_at_once() -> None:
         ({"net": {"image_px": 35}}, "`net.image_px` must be >= 36, got 35"),
         ({"net": {"lstm_layers": 0}}, "`lstm_size` and `lstm_layers` must be >= 1, got 192 and 0"),
         ({"net": {"memory": {"crop_cells": 15}}}, "`crop_cells` must be >= 16, got 15"),
-        ({"net": {"memory": {"grid_cells": 128}}}, "`grid_cells` must be a power of two and at least 160"),
+        ({"net": {"memory": {"grid_cells": 128}}}, "`grid_cells` must be a power of two and at least 192"),
         ({"domain": {"forward_step_m": (0.1, float("nan"))}}, "`forward_step_m` must have numbers > 0"),
         (
             {"imitation": {"frames": 0}, "reinforcement": {"frames": 0}},

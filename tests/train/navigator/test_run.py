@@ -157,7 +157,7 @@ def test_kill_in_the_first_rollout_of_reinforcement_keeps_what_was_imitated(
     monkeypatch.setattr("train.navigator.run.NavigatorPpo.learn", note)
     with pytest.raises(KeyboardInterrupt):
         again.train()
-    assert all(torch.equal(values, kept[f"module/{name}"]) for name, values in begun.items())
+    assert all(torch.equal(values, kept[f"module.{name}"]) for name, values in begun.items())
 
 
 @pytest.mark.usefixtures("unjudged")
