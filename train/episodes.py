@@ -126,7 +126,7 @@ def play(job: Job) -> Row:
     start_s = time.perf_counter()
     try:
         episode = run_job(job)
-        row = episode.row | _leave_files(job, episode) | {SCENE_FILE: file_digest(job.scene)}
+        row = episode.row | _leave_files(job, episode)
         episode.env.close()
     except Exception as error:  # noqa: BLE001 - what one agent does must not end the others' run
         row = {"error": f"{type(error).__name__}: {error}", "traceback": traceback.format_exc(limit=-6)}
@@ -171,6 +171,7 @@ def run_job(job: Job, progress: Progress | None = None) -> Episode:
     row = {
         **job.identity,
         "settings_hash": digest(settings),
+        SCENE_FILE: file_digest(job.scene),
         "steps_done": record.steps,
         "scene_hash": trajectory.scene_hash,
         "geometry": geometry,

@@ -23,11 +23,11 @@ from train.html import Section
 from train.pictures import save_picture, write_montage, write_topdown
 from train.plots import Curve, completion_figure
 from train.pool import prepare_worker
-from train.provenance import file_digest, versions
+from train.provenance import versions
 from train.quick import STEPS, add_quick_option, env_options, parse_quick
 from train.reconstruction import CUT_ABOVE_FLOOR_M, dollhouse_picture, save_ply
 from train.recorder import Progress, find_attribute
-from train.results import SCENE_FILE, Row, write_json
+from train.results import Row, write_json
 from train.tables.measures import MEASURES, OFFICIAL_MEASURES, agent_name, value_of
 
 MAP_FILE: Final = "map.safetensors"
@@ -66,8 +66,7 @@ def explore(
     start_s = time.perf_counter()
     with tqdm(total=steps, unit="step", delay=1.0) as bar:
         episode = run_job(job, _progress(bar))
-    measured = episode.row | {SCENE_FILE: file_digest(scene)}
-    row = whole_row(job, measured, time.perf_counter() - start_s)
+    row = whole_row(job, episode.row, time.perf_counter() - start_s)
     for name in (MAP_FILE, SURFACE_FILE, SURFACE_PICTURE):  # not every agent writes them
         (folder / name).unlink(missing_ok=True)
     episode.trajectory.save(folder / "trajectory.npz")

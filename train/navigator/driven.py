@@ -40,21 +40,22 @@ class PointGoalSeat(GoalWrapper):
     @property
     def is_over(self) -> bool:
         """Whether the agent has arrived, or the navigator has given up for good."""
-        env = self.env.unwrapped
-        assert isinstance(env, PointNavEnv)
-        left_m = np.linalg.norm(env.goal_xz - self.position_xz)
+        left_m = np.linalg.norm(self._point_goal().position_xz - self.position_xz)
         return bool(left_m <= ARRIVAL_M) or len(self.failures) >= MAX_FAILURES
 
     def _begin_episode(self) -> None:
         """There is nothing to forget."""
 
     def _propose_goal(self) -> Goal:
-        env = self.env.unwrapped
-        assert isinstance(env, PointNavEnv)
-        return Goal(env.goal_xz, None, "point goal")
+        return self._point_goal()
 
     def _review_goal(self, goal: Goal) -> Goal:
         return goal
+
+    def _point_goal(self) -> Goal:
+        env = self.env.unwrapped
+        assert isinstance(env, PointNavEnv)
+        return Goal(env.goal_xz, None, "point goal")
 
 
 def play_driven(navigator: str, episode: NavigationEpisode, image_px: int) -> dict[str, Any]:

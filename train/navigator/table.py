@@ -145,7 +145,7 @@ def summarise(navigator: str, scene: str, rows: Sequence[Row]) -> Row:
 
 
 def _success(rows: Sequence[Row]) -> tuple[float, float, float]:
-    """Share of successes and its bounds: Wilson's, and where scenes differ by more than chance, theirs."""
+    """Share of successes and its bounds: of Wilson's interval and that over the scenes the wider."""
     values = [float(row["is_success"]) for row in rows]
     low, high = wilson_interval(round(sum(values)), len(values))
     over_scenes = mean_interval(values, clusters=[row["scene"] for row in rows])
