@@ -14,7 +14,14 @@ from anm_gym.scenes.scene import Scene
 from train.attribution import attribute
 from train.command import file_stem, scene_label
 from train.pictures import write_topdown
-from train.provenance import digest, effective_settings, file_digest, geometry_digest, versions
+from train.provenance import (
+    digest,
+    effective_settings,
+    environment_digest,
+    file_digest,
+    geometry_digest,
+    versions,
+)
 from train.recorder import EpisodeRecorder, Progress, SimulatorClock, find_attribute
 from train.results import MAP_LEFT_OUT, ROW_FIELDS, SCENE_FILE, Key, Row, row_key
 from train.runner import EpisodeRecord, run_episode
@@ -62,7 +69,7 @@ class Job:
     @property
     def protocol(self) -> str:
         """Name of the protocol, with a hash of the environment's arguments if they are not the defaults."""
-        return self.conditions + (f"-{digest(self.env_options, 6)}" if self.env_options else "")
+        return "-".join(part for part in (self.conditions, environment_digest(self.env_options)) if part)
 
     @property
     def identity(self) -> Row:

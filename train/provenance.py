@@ -43,6 +43,11 @@ def digest(value: Any, digits: int = 12) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:digits]
 
 
+def environment_digest(env_options: Mapping[str, Any]) -> str:
+    """Name the arguments of an environment by six digits; empty where there are none."""
+    return digest(env_options, 6) if env_options else ""
+
+
 def effective_settings(env: gym.Env, policy: Any) -> dict[str, Any]:
     """Collect the settings of every wrapper and of the policy, without seed and scene.
 

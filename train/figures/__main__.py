@@ -27,7 +27,7 @@ from train.figures.slices import SlicesTrace
 from train.figures.surface import SurfaceTrace
 from train.figures.terms import TermsTrace
 from train.pool import prepare_worker
-from train.provenance import digest, effective_settings, versions
+from train.provenance import effective_settings, environment_digest, versions
 from train.runner import run_episode
 
 QUICK_STEPS: Final = 60
@@ -88,8 +88,8 @@ class Request:
     @property
     def stem(self) -> str:
         """Name of the episode in the names of the files."""
-        env = digest(self.env_options, 6) if self.env_options else ""
-        return file_stem("anm", self.preset, scene_label(self.scene), self.seed, self.steps, env)
+        environment = environment_digest(self.env_options)
+        return file_stem("anm", self.preset, scene_label(self.scene), self.seed, self.steps, environment)
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from train.command import parse_seeds, run_command, split_list
 from train.episodes import split_agent
 from train.play import add_backend_options, backend_of, report_failures
 from train.protocols import PROTOCOLS, Protocol, open_protocol
-from train.provenance import digest
+from train.provenance import environment_digest
 from train.report import write_report
 from train.results import Row, write_json
 from train.tables.measures import agent_name
@@ -100,9 +100,8 @@ def _run_of(options: Any, agents: Sequence[str]) -> TableRun:
 def _folder_of(options: Any, protocol: Protocol) -> Path:
     """Another budget, or environment, has a folder of its own: its rows cannot be compared with these."""
     name = protocol.base if options.quick and options.steps is None else protocol.name
-    environment = [digest(options.env, 6)] if options.env else []
-    folder = "-".join([name, *environment, *(["quick"] if options.quick else [])])
-    return Path("runs", options.table, folder)
+    parts = name, environment_digest(options.env or {}), "quick" if options.quick else ""
+    return Path("runs", options.table, "-".join(part for part in parts if part))
 
 
 def _protocol_of(options: Any) -> Protocol:
