@@ -13,7 +13,7 @@ from agents.navigator_net import NavigatorNet
 from agents.planning_navigators import PlannerNavigator
 from agents.policy_file import load_policy, policy_identity
 from agents.rollouts import turn_towards
-from anm_gym.actions import MOVES, Action
+from anm_gym.actions import MOVES, STRAIGHT_TURNS, Action
 from anm_gym.geometry import pointgoal
 from anm_gym.wrappers.goal import Goal, GoalWrapper
 
@@ -143,7 +143,7 @@ class DDPPONavigator(Navigator):
         goal = self.env.goal
         if self._distance_m(goal.position_xz) <= self.env.arrival_m:
             error_rad = self._heading_error_rad(goal)
-            if abs(error_rad) > 0.51 * self._turn_step_rad:
+            if abs(error_rad) > STRAIGHT_TURNS * self._turn_step_rad:
                 return turn_towards(error_rad)
         action = Action(int(self._policy.act(shown, self._allowed())[0]))
         return MOVES[self._rng.integers(len(MOVES))] if action is Action.STOP else action

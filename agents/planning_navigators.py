@@ -9,7 +9,7 @@ import numpy as np
 from agents.cost_to_go import CostSettings, CostToGo, Floor, cost_to_go
 from agents.navigator import Navigator
 from agents.rollouts import RolloutSettings, best_move, turn_towards
-from anm_gym.actions import MOVES, Action
+from anm_gym.actions import MOVES, STRAIGHT_TURNS, Action
 from anm_gym.wrappers.goal import Goal, GoalWrapper
 
 MAX_REPORTS: Final = 2
@@ -158,7 +158,7 @@ class PlanningNavigator(Navigator):
     def _align(self, goal: Goal) -> tuple[Action | None, str]:
         """Turn to the goal's heading; if that is not enough, the goal itself is out of reach."""
         error_rad = self._heading_error_rad(goal)
-        if abs(error_rad) <= 0.51 * self._rollouts.turn_step_rad:
+        if abs(error_rad) <= STRAIGHT_TURNS * self._rollouts.turn_step_rad:
             return None, "as near as it gets"
         return turn_towards(error_rad), ""
 

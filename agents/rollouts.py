@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.cost_to_go import CostSettings, CostToGo, Floor
-from anm_gym.actions import Action
-from anm_gym.geometry import wrap_angle
+from anm_gym.actions import STRAIGHT_TURNS, Action
+from anm_gym.geometry import wrap_angle, wrap_angles
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ def _final_turns(
 ) -> NDArray[np.float64]:
     """(headings, steps) turns needed at the end of each rollout to go down the cost-to-go."""
     onward = costs.heading_at(ends.reshape(-1, 2)).reshape(ends.shape[:2])
-    apart = np.abs((onward - headings[:, None] + np.pi) % (2.0 * np.pi) - np.pi)
+    apart = np.abs(wrap_angles(onward - headings[:, None]))
     return np.asarray(np.maximum(apart / settings.turn_step_rad - settings.bend_slack, 0.0))
 
 
@@ -121,8 +121,8 @@ def _is_same(
     headings: NDArray[np.float64], heading_rad: float, settings: RolloutSettings
 ) -> NDArray[np.bool_]:
     """Mark the headings nearest to one of them."""
-    apart = np.abs((headings - heading_rad + np.pi) % (2.0 * np.pi) - np.pi)
-    return np.asarray(apart < 0.51 * settings.turn_step_rad)
+    apart = np.abs(wrap_angles(headings - heading_rad))
+    return np.asarray(apart < STRAIGHT_TURNS * settings.turn_step_rad)
 
 
 def _rollout_points(

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anm_gym.actions import FORWARD_STEP_M, TURN_STEP_DEG
-from anm_gym.geometry import heading_towards, wrap_angle
+from anm_gym.geometry import heading_towards, wrap_angle, wrap_angles
 from anm_gym.map.reach import ReachableSpace
 from anm_gym.map.unseen_volume import UnseenByCell
 from anm_gym.map.views import sector_of
@@ -179,7 +179,7 @@ def _look(
                 wrap_angle(heading_towards(places[0], places[1]) - travel_rad)
             )
             travel_rad = heading_towards(places[-2], places[-1])
-        turns_m = settings.turn_cost_m * np.abs((headings - travel_rad + np.pi) % (2.0 * np.pi) - np.pi)
+        turns_m = settings.turn_cost_m * np.abs(wrap_angles(headings - travel_rad))
     gains = unseen.share[node, choices] @ before.left_m3
     gains[gains < settings.min_gain_m3] = 0.0
     worth = gains * np.exp(-settings.decay_per_m * (cost_m + turns_m))

@@ -21,3 +21,6 @@ FORWARD_STEP_M: Final = 0.065
 
 TURN_STEP_DEG: Final = 10.0
 """Angle of one turn, degrees (Active Neural Mapping, Sec. 5.1)."""
+
+STRAIGHT_TURNS: Final = 0.51
+"""Heading error, in turns, that no turn can lessen: half of one, and a little for rounding (ours)."""

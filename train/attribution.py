@@ -14,6 +14,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from anm_gym.actions import Action
+from anm_gym.geometry import wrap_angles
 from train.results import Row
 from train.trajectory import Trajectory
 
@@ -192,7 +193,7 @@ def oscillating_steps(trajectory: Trajectory, settings: AttributionSettings) -> 
     for length in range(1, min(settings.loop_steps, steps) + 1):
         change = poses[length:] - poses[:-length]
         distance_m = np.hypot(change[:, 0], change[:, 1])
-        turned_rad = np.abs((change[:, 2] + np.pi) % (2.0 * np.pi) - np.pi)
+        turned_rad = np.abs(wrap_angles(change[:, 2]))
         away_m = np.maximum(away_m[: len(change)], distance_m)
         away_rad = np.maximum(away_rad[: len(change)], turned_rad)
         has_turned = (turned_rad <= settings.loop_end_rad) & (away_rad >= settings.loop_away_rad)

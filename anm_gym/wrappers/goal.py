@@ -14,6 +14,7 @@ from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
+from anm_gym.actions import STRAIGHT_TURNS
 from anm_gym.checks import check_at_least, check_positive
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.geometry import heading_of, pointgoal, wrap_angle
@@ -218,7 +219,7 @@ class GoalWrapper(
     @property
     def arrival_rad(self) -> float:
         """Heading error at which it is: the limit, or a little more than half a turn, radians."""
-        return max(float(np.deg2rad(self.limits.arrival_deg)), 0.51 * self.step_sizes[1])
+        return max(float(np.deg2rad(self.limits.arrival_deg)), STRAIGHT_TURNS * self.step_sizes[1])
 
     def note_handover(self, reason: str) -> None:
         """Take note that another navigator drives to the current goal from here; it stays the goal.
