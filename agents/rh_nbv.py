@@ -18,6 +18,8 @@ from anm_gym.map.views import TakenViews, sector_of
 from anm_gym.sim.grid_planning import RrtSettings
 from anm_gym.wrappers.goal import Goal, GoalLimits, GoalWrapper
 
+WAY_REASON: Final = "on the way"
+"""Reason of a goal that is passed on the way to a view."""
 LIMITS: Final = GoalLimits(arrival_m=0.2, timeout_steps=100, review_steps=10)
 """Ours: an edge is short."""
 TREE: Final = RrtSettings(
@@ -135,11 +137,14 @@ class RhNbvGoalWrapper(GoalWrapper):
         self._looks = [(tree.positions_xz[node], heading) for node, heading in headings.items()]
         self._branch = [tree.positions_xz[node] for node in way[1:]]
         self._promised_m3 = self._shown_m3()
-        stops = [Goal(tree.positions_xz[node], headings.get(node), REASON) for node in way]
+        stops = [
+            Goal(tree.positions_xz[node], headings.get(node), REASON if node in headings else WAY_REASON)
+            for node in way
+        ]
         return next((stop for stop in stops if not self.is_reached(stop)), None)
 
     def _review_goal(self, goal: Goal) -> Goal | None:
-        if goal.reason != REASON:
+        if goal.reason not in {REASON, WAY_REASON}:
             return self._propose_goal() or goal
         least_m3 = self.settings.review_share * self._promised_m3
         return goal if least_m3 <= 0.0 or self._shown_m3() >= least_m3 else None

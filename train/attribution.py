@@ -28,7 +28,7 @@ CAUSES: Final = {
 MIN_CAUSE_PCT: Final = 10.0
 """A failure that took a smaller share of the steps is not called the main one, per cent."""
 NO_CAUSE: Final = "none"
-UNPROMISING: Final = frozenset({"wander", "turn round", "sweep", "look round", "random vertex"})
+UNPROMISING: Final = frozenset({"wander", "turn round", "sweep", "look round", "random vertex", "on the way"})
 """Reasons of goals that promise no surface, and so cannot break the promise."""
 
 
@@ -52,8 +52,8 @@ class AttributionSettings:
     """Difference of headings at which an agent that turned in place looks where it had looked, radians."""
     loop_away_rad: float = np.deg2rad(45.0)
     """How far it has turned away meanwhile, radians."""
-    no_gain_pct: float = 0.1
-    """Completion ratio that counts as nothing new, percentage points."""
+    no_gain_m2: float = 0.5
+    """Newly completed surface that counts as nothing new, square metres."""
     last_gain_pct: float = 0.5
     """Completion ratio that may still come after the last progress, percentage points."""
     arrival_slack_m: float = 0.1
@@ -186,7 +186,7 @@ def stuck_steps(trajectory: Trajectory, settings: AttributionSettings) -> NDArra
 
 def oscillating_steps(trajectory: Trajectory, settings: AttributionSettings) -> NDArray[np.bool_]:
     """(T,) whether each step is part of a loop, away and back or turned and turned back, for nothing new."""
-    poses, completion = trajectory.poses, trajectory.curves["comp_pct"]
+    poses, seen_m2 = trajectory.poses, trajectory.completed_m2
     steps = len(trajectory.actions)
     away_m, away_rad = np.zeros((2, len(poses)))
     result = np.zeros(steps, bool)
@@ -198,14 +198,14 @@ def oscillating_steps(trajectory: Trajectory, settings: AttributionSettings) -> 
         away_rad = np.maximum(away_rad[: len(change)], turned_rad)
         has_turned = (turned_rad <= settings.loop_end_rad) & (away_rad >= settings.loop_away_rad)
         is_back = (distance_m <= settings.loop_end_m) & ((away_m >= settings.loop_away_m) | has_turned)
-        begins = np.flatnonzero(is_back & (completion[length:] - completion[:-length] < settings.no_gain_pct))
+        begins = np.flatnonzero(is_back & (seen_m2[length:] - seen_m2[:-length] < settings.no_gain_m2))
         result |= _covered(begins, begins + length, steps)
     return result
 
 
 def goal_fates(trajectory: Trajectory, arrival_m: float, settings: AttributionSettings) -> GoalFates:
     """Say how each goal of an episode ended."""
-    goals, completion = trajectory.goals, trajectory.curves["comp_pct"]
+    goals, seen_m2 = trajectory.goals, trajectory.completed_m2
     begins = goals[:, 2].astype(np.int64)
     ends = np.append(begins[1:], len(trajectory.actions))
     is_failed = _failed_goals(np.column_stack([goals[:, :2], ends]), trajectory.failures)
@@ -213,10 +213,8 @@ def goal_fates(trajectory: Trajectory, arrival_m: float, settings: AttributionSe
     is_reached = ~is_failed & (left_m <= arrival_m + settings.arrival_slack_m)
     reasons = [*trajectory.goal_reasons, *[""] * (len(goals) - len(trajectory.goal_reasons))]
     promises = np.array([reason not in UNPROMISING for reason in reasons], bool)
-    gain_pct = completion[ends] - completion[begins]
-    return GoalFates(
-        ends - begins, is_failed, is_reached, is_reached & promises & (gain_pct < settings.no_gain_pct)
-    )
+    is_fruitless = is_reached & promises & (seen_m2[ends] - seen_m2[begins] < settings.no_gain_m2)
+    return GoalFates(ends - begins, is_failed, is_reached, is_fruitless)
 
 
 def _failed_goals(ended: NDArray[np.float64], failures: NDArray[np.float64]) -> NDArray[np.bool_]:

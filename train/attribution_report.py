@@ -14,14 +14,15 @@ from train.tables.measures import agent_name, value_of
 NOTE: Final = (
     "Shares of an episode's steps; one step may count for several causes. Stuck: contacts, and no way out "
     "for 20 steps. Unreachable goals: steps towards goals that were given up. Oscillation: away and back, or "
-    "turned and turned back, within 100 steps and for nothing new. Phantom surface: steps towards goals that "
-    "were reached and showed nothing new. After the last gain: steps when all but half a point of the final "
-    "completion was reached. The main cause is the one with most steps, if it took a tenth of them."
+    "turned and turned back, within 100 steps and for nothing new, which is less than half a square metre "
+    "of surface. Phantom surface: steps towards goals that were reached and showed nothing new. After the "
+    "last gain: steps when all but half a point of the final completion was reached. The main cause is the "
+    "one with most steps, if it took a tenth of them."
 )
 PICTURES_NOTE: Final = (
     "The trail from dark (early) to bright (late) on the map as it was at the end: white is floor that the "
-    "agent knew, grey what it did not. Dots are goals, red crosses goals given up, red discs places where it "
-    "was stuck."
+    "agent knew, grey what it did not; of agents without a map all floor is white. Dots are goals, red "
+    "crosses goals given up, red discs places where it was stuck."
 )
 
 

@@ -1,7 +1,7 @@
 """What the commands share: lists on the command line, episode names, clear ends instead of tracebacks."""
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +45,24 @@ def parse_seeds(text: str | int | Sequence[str | int]) -> list[int]:
 def scene_label(spec: str) -> str:
     """Name a scene in rows and tables: the file's stem, or the procedural name itself."""
     return Path(spec).stem if Path(spec).suffix else spec
+
+
+def check_scene_names(scenes: Iterable[str]) -> None:
+    """Refuse scenes that rows or files could not tell apart.
+
+    Args:
+        scenes: Paths or procedural names.
+
+    Raises:
+        ValueError: If two have one name in the rows, or names that differ in characters that `file_stem`
+            does not keep.
+    """
+    labels = [scene_label(scene) for scene in scenes]
+    if len({file_stem(label) for label in labels}) != len(labels):
+        raise ValueError(
+            f"`scenes` must have different names in rows and files, got {', '.join(labels)}; rename files "
+            "that share one, or link them under other names in a folder of their own"
+        )
 
 
 def file_stem(*parts: str | int) -> str:

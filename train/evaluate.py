@@ -11,7 +11,7 @@ from typing import Any
 from jsonargparse import ActionYesNo, ArgumentParser
 
 from train.backends import Backend
-from train.command import parse_seeds, run_command, scene_label, split_list
+from train.command import check_scene_names, parse_seeds, run_command, split_list
 from train.episodes import Job, play, split_agent
 from train.play import DEFAULT_BACKEND, add_backend_options, backend_of, play_missing, report_failures
 from train.provenance import versions
@@ -52,11 +52,7 @@ class Evaluation:
             raise ValueError(f"`agents` must differ, got {', '.join(self.agents)}")
         if len(set(self.seeds)) != len(self.seeds):
             raise ValueError(f"`seeds` must differ, got {', '.join(map(str, self.seeds))}")
-        labels = [scene_label(scene) for scene in self.scenes]
-        if len(set(labels)) != len(labels):
-            raise ValueError(
-                f"`scenes` must have different names in the rows, got {', '.join(labels)}; rename files"
-            )
+        check_scene_names(self.scenes)
 
     def jobs(self) -> list[Job]:
         """List the episodes, scene by scene, so that a worker keeps a scene it has loaded."""

@@ -38,16 +38,20 @@ def play_missing(
         The rows of exactly these jobs, in their order.
 
     Raises:
-        ValueError: If rows of a scene were played in another file of that name, or before it changed.
+        ValueError: If rows of a scene were played in another file of that name, or before it changed, or if
+            those of an agent were played with other settings.
     """
     path = out / ROWS_FILE
     rows = read_rows(path)
     check_scene_files((job.scene for job in jobs), rows, path)
     finished, scored = finished_keys(rows), finished_keys(row for row in rows if not row.get(MAP_LEFT_OUT))
     missing = [job for job in jobs if job.key not in (scored if job.with_maps else finished)]
+    kept = {job.key for job in jobs} - {job.key for job in missing}
+    settings = {_player(row): row.get("settings_hash") for row in rows if row_key(row) in kept}
     bar = tqdm(total=len(jobs), initial=len(jobs) - len(missing), unit="episode", smoothing=0.1)
     with bar:
         for job, row in run_on(backend, play, missing):
+            _check_settings(row, settings.get(_player(row)), path)
             append_row(path, row)
             bar.set_postfix_str(f"{job.name}: {_outcome(row)}")
             bar.update()
@@ -71,10 +75,25 @@ def report_failures(rows: Iterable[Row]) -> None:
     """Name the episodes that raised; exit code 1 if there are any."""
     failed = [row for row in rows if row.get("error")]
     for row in failed:
-        name = agent_name(row["agent"], row["preset"])
-        print(f"failed: {name} in {row['scene']}, seed {row['seed']}: {_outcome(row)}", file=sys.stderr)
+        print(
+            f"failed: {_player(row)} in {row['scene']}, seed {row['seed']}: {_outcome(row)}", file=sys.stderr
+        )
     if failed:
         sys.exit(1)
+
+
+def _player(row: Row) -> str:
+    return agent_name(row["agent"], row["preset"])
+
+
+def _check_settings(row: Row, kept: str | None, path: Path) -> None:
+    """Refuse to add a row to those of an agent with other settings: no table could be made of both."""
+    played = row.get("settings_hash")
+    if kept is not None and played is not None and played != kept:
+        raise ValueError(
+            f"the rows of {_player(row)} in {path} must come from its settings as they are now, {played}, "
+            f"got {kept}; its defaults or its weights have changed: write to another `--out` folder"
+        )
 
 
 def _rows_of(jobs: Iterable[Job], rows: Iterable[Row]) -> list[Row]:

@@ -12,7 +12,7 @@ from typing import Final
 from anm_gym.errors import SceneError
 from anm_gym.scenes.datasets import ROOT_VARIABLE, find_scene, is_dataset_scene
 from anm_gym.scenes.reading import SUFFIXES
-from train.command import scene_label
+from train.command import check_scene_names, scene_label
 
 SHORT_STEPS: Final = 1000
 """Budget of scenes with at most five rooms (Active Neural Mapping, supplement)."""
@@ -55,7 +55,7 @@ class Protocol:
     """The conditions under which agents are compared.
 
     Raises:
-        ValueError: If there is no scene, or two scenes have one name in the rows.
+        ValueError: If there is no scene, or two scenes have one name, see `check_scene_names`.
     """
 
     name: str
@@ -66,12 +66,14 @@ class Protocol:
     """Scenes and budgets."""
 
     def __post_init__(self) -> None:
-        labels = [scene.label for scene in self.scenes]
-        if not labels or len(set(labels)) != len(labels):
-            raise ValueError(
-                f"`scenes` must have different names in the rows, got {', '.join(labels) or 'none'}; "
-                "rename files that share one"
-            )
+        if not self.scenes:
+            raise ValueError("`scenes` must name at least one, got none")
+        check_scene_names(scene.name for scene in self.scenes)
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether it is one with a name of its own, with all its scenes and their budgets."""
+        return self.base in _FIXED and self.scenes == _FIXED[self.base]()
 
     def only(self, labels: Sequence[str]) -> "Protocol":
         """Keep some of the scenes; rows stay comparable scene by scene.
@@ -160,13 +162,17 @@ def _open_homes() -> tuple[ProtocolScene, ...]:
 
 
 def _open_scenes(root: str | Path | None) -> Protocol:
-    """Every mesh below a folder, in the order of paths."""
+    """Every mesh below a folder, in the order of paths, but for hidden files."""
     if root is None or not Path(root).is_dir():
         raise ValueError(f"`root` of {OPEN_SCENES} must be a folder of meshes, got {root}")
-    files = sorted(file for file in Path(root).resolve().rglob("*") if file.suffix.lower() in SUFFIXES)
+    files = sorted(file for file in Path(root).resolve().rglob("*") if _is_mesh(file))
     if not files:
         raise ValueError(f"`root` must hold meshes ({' '.join(SUFFIXES)}), got none in {root}")
     return Protocol(OPEN_SCENES, OPEN_SCENES, tuple(ProtocolScene(str(file), SHORT_STEPS) for file in files))
+
+
+def _is_mesh(file: Path) -> bool:
+    return file.suffix.lower() in SUFFIXES and not file.name.startswith(".") and file.is_file()
 
 
 _FIXED: Final[dict[str, Callable[[], tuple[ProtocolScene, ...]]]] = {

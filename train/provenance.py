@@ -16,6 +16,7 @@ import gymnasium as gym
 import numpy as np
 
 from anm_gym.mesh import TriangleMesh
+from anm_gym.scenes.datasets import find_scene, is_dataset_scene
 from train.command import scene_label
 from train.recorder import env_layers
 from train.results import SCENE_FILE, Row
@@ -78,8 +79,14 @@ def geometry_digest(mesh: TriangleMesh) -> str:
 
 
 def file_digest(scene: str) -> str:
-    """Name the content of a scene's file, sixteen hexadecimal digits; empty for a scene that is generated."""
-    path = Path(scene)
+    """Name the content of a scene's file, sixteen hexadecimal digits; empty for a scene that is generated.
+
+    Of a `.gltf` that names other files, those are not part of it.
+
+    Raises:
+        SceneError: If it is a dataset's scene, and is not there.
+    """
+    path = find_scene(scene) if is_dataset_scene(scene) else Path(scene)
     if not path.is_file():
         return ""
     with path.open("rb") as stream:

@@ -148,6 +148,7 @@ class EpisodeRecorder(Recorder):
             tuple(self._goals.reasons),
             self._failures.places(),
             tuple(self._failures.reasons),
+            self._env.get_wrapper_attr("scene").storey_mesh.areas_m2.sum(),
         )
 
     def _take(self, observation: Any, info: dict[str, Any]) -> None:

@@ -8,6 +8,7 @@ Command: ``python -m train.starts open-homes --seeds 10``.
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -15,19 +16,17 @@ from typing import Any, Final
 from jsonargparse import ArgumentParser
 from tqdm import tqdm
 
+from anm_gym.errors import SceneError
 from anm_gym.scenes.datasets import ROOT_VARIABLE
 from train.command import parse_seeds, run_command
 from train.episodes import Start, make_env, scene_of
-from train.protocols import PROTOCOLS, Protocol, ProtocolScene, open_protocol
-from train.provenance import geometry_digest
+from train.protocols import OPEN_SCENES, PROTOCOLS, Protocol, ProtocolScene, open_protocol
+from train.provenance import digest, geometry_digest
 
 FORMAT: Final = 1
 """Version of the file's layout."""
 FOLDER: Final = Path(__file__).parents[1] / "configs" / "starts"
 """Where the published files lie."""
-STARTS_FILE: Final = "starts.json"
-"""Name of the file that a run leaves beside its rows."""
-
 _BLIND: Final = {"camera": {"width_px": 8, "height_px": 8}, "reward": "none"}
 
 
@@ -45,9 +44,25 @@ StartTable = dict[str, SceneStarts]
 """Starts by the scenes' labels."""
 
 
-def published_file(protocol: Protocol) -> Path:
-    """Name the file of a protocol's published starts, whether or not it is there."""
-    return FOLDER / f"{protocol.base}.json"
+def published_file(protocol: Protocol, env_options: Mapping[str, Any] | None = None) -> Path | None:
+    """Name the file of a protocol's published starts, whether or not it is there.
+
+    None for `open-scenes`, which is another protocol for each folder.
+    """
+    if protocol.base == OPEN_SCENES:
+        return None
+    return FOLDER / file_name(protocol.base, env_options)
+
+
+def file_name(stem: str = "starts", env_options: Mapping[str, Any] | None = None) -> str:
+    """Name a file of starts: another storey, or another scale, has starts of its own.
+
+    Args:
+        stem: Beginning of the name; by default that of the file which a run leaves beside its rows.
+        env_options: Arguments of the environment besides the scene; only `scene_options` matter here.
+    """
+    options = _scene_options(env_options)
+    return f"{stem}-{digest(options, 6)}.json" if options else f"{stem}.json"
 
 
 def starts_for(
@@ -56,7 +71,7 @@ def starts_for(
     """Collect the starts of a run and leave them beside its rows.
 
     They are taken from the run's own file if it was started before, else from the published one; what is
-    in neither is drawn.
+    in neither is drawn. A scene that cannot be loaded has none, so that its episodes fail and no others.
 
     Args:
         protocol: Scenes.
@@ -64,15 +79,17 @@ def starts_for(
         out: Folder of the run.
         env_options: Arguments of the environment besides the scene; only `scene_options` matter here.
     """
-    table = merged([read_starts(path) for path in (published_file(protocol), out / STARTS_FILE)])
+    published, own = published_file(protocol, env_options), out / file_name(env_options=env_options)
+    table = merged([read_starts(path) for path in (published, own) if path is not None])
     for scene in protocol.scenes:
         known = table.get(scene.label)
         missing = [seed for seed in seeds if known is None or seed not in known.by_seed]
-        if missing:
-            table = merged([table, {scene.label: draw_starts(scene, missing, env_options)}])
+        with suppress(SceneError):
+            if missing:
+                table = merged([table, {scene.label: draw_starts(scene, missing, env_options)}])
     labels = [scene.label for scene in protocol.scenes]
-    chosen = {label: _of_seeds(table[label], seeds) for label in labels}
-    write_starts(out / STARTS_FILE, protocol.base, merged([read_starts(out / STARTS_FILE), chosen]))
+    chosen = {label: _of_seeds(table[label], seeds) for label in labels if label in table}
+    write_starts(own, protocol.base, merged([read_starts(own), chosen]))
     return chosen
 
 
@@ -89,8 +106,7 @@ def draw_starts(
     Source:
         Active Neural Mapping, Sec. 5.1: "randomly initialized in the traversable space".
     """
-    options = {key: value for key, value in (env_options or {}).items() if key == "scene_options"}
-    env = make_env(scene.name, 1, {**options, **_BLIND})
+    env = make_env(scene.name, 1, {**_scene_options(env_options), **_BLIND})
     starts = {}
     for seed in seeds:
         env.reset(seed=seed)
@@ -165,7 +181,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = _parser().parse_args(arguments)
     protocol = open_protocol(options.protocol, options.root)
     protocol.require_scenes()
-    out = Path(options.out) if options.out else published_file(protocol)
+    out = Path(options.out) if options.out else published_file(protocol, options.env)
+    if out is None:
+        raise ValueError(
+            f"`out` must name a file for {protocol.base}: its starts belong to one folder of meshes"
+        )
     seeds = parse_seeds(options.seeds)
     kept = {} if options.anew else read_starts(out)
     drawn = {}
@@ -186,14 +206,25 @@ def _parser() -> ArgumentParser:
         "--root", default=None, help=f"folder of datasets (${ROOT_VARIABLE}), or of the meshes of open-scenes"
     )
     add("--seeds", nargs="+", default=["10"], help="a count, or the seeds themselves: 0,1,2")
-    add("--out", default=None, help="the file; by default the protocol's published one")
+    add(
+        "--out",
+        default=None,
+        help="the file; by default the protocol's published one, which open-scenes has not",
+    )
     add("--anew", action="store_true", help="replace the starts that the file has; else they are kept")
     add("--env", type=dict | None, default=None, help="arguments of the environment; scene_options matter")
     return parser
 
 
+def _scene_options(env_options: Mapping[str, Any] | None) -> dict[str, Any]:
+    """What of an environment's arguments moves its starts."""
+    return {key: value for key, value in (env_options or {}).items() if key == "scene_options"}
+
+
 def _of_seeds(starts: SceneStarts, seeds: Iterable[int]) -> SceneStarts:
-    return SceneStarts(starts.geometry, {seed: starts.by_seed[seed] for seed in seeds})
+    return SceneStarts(
+        starts.geometry, {seed: starts.by_seed[seed] for seed in seeds if seed in starts.by_seed}
+    )
 
 
 def _scene_starts(entry: Mapping[str, Any]) -> SceneStarts:

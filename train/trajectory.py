@@ -6,13 +6,18 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anm_gym.metrics.curves import path_length_m
+
+_HEADER: Final = (
+    *("scene", "seed", "env_options", "scene_hash", "goal_reasons", "failure_reasons", "surface_m2"),
+)
+"""What a file names beside its arrays."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +50,8 @@ class Trajectory:
     """(F, 3) x, z (metres) of each goal that was given up and the step at which it was."""
     failure_reasons: Sequence[str] = ()
     """Why each of them was given up."""
+    surface_m2: float = np.nan
+    """Area of which `comp_pct` is a share, square metres; NaN in files of earlier versions."""
 
     def __post_init__(self) -> None:
         if len(self.poses) != len(self.actions) + 1:
@@ -57,12 +64,16 @@ class Trajectory:
         """(T + 1,) metres travelled so far."""
         return path_length_m(self.poses[:, :2])
 
+    @property
+    def completed_m2(self) -> NDArray[np.float64]:
+        """(T + 1,) square metres of surface completed so far; NaN where the area is not known."""
+        return self.curves["comp_pct"] / 100.0 * self.surface_m2
+
     def save(self, path: Path) -> None:
         """Write an .npz of plain arrays; the file appears whole or not at all."""
         path.parent.mkdir(parents=True, exist_ok=True)
         partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-        names = ("scene", "seed", "env_options", "scene_hash", "goal_reasons", "failure_reasons")
-        header = {name: getattr(self, name) for name in names}
+        header = {name: getattr(self, name) for name in _HEADER}
         curves: dict[str, Any] = {f"curve_{name}": values for name, values in self.curves.items()}
         with partial.open("wb") as file:
             np.savez_compressed(

@@ -42,7 +42,7 @@ def test_first_goal_is_a_view_within_an_edge(explore: Explore, two_rooms: Triang
 
 
 def test_first_edge_leads_towards_what_is_unseen(turned: RhNbvGoalWrapper) -> None:
-    assert turned.goal.reason == "view"
+    assert turned.goal.reason == "on the way"
     assert turned.goal.position_xz[0] > turned.position_xz[0] + 0.3
 
 

@@ -1,5 +1,7 @@
 """Attribution: walks whose failure is known, and only that failure."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -15,6 +17,7 @@ from train.trajectory import Trajectory
 
 STEP_M = 0.065
 FORWARD, LEFT = 1, 2
+SURFACE_M2 = 500.0
 SETTINGS = AttributionSettings()
 
 
@@ -37,6 +40,7 @@ def walk(x_m, completion=None, contacts=(), actions=None, goals=(), failures=(),
         goal_reasons=reasons or ("frontier",) * len(goals),
         failures=np.array(failures, float).reshape(-1, 3),
         failure_reasons=("no way",) * len(failures),
+        surface_m2=SURFACE_M2,
     )
 
 
@@ -102,7 +106,9 @@ def test_only_the_far_end_of_a_long_way_is_a_loop():
 def turning(headings_deg, completion):
     poses = np.column_stack([np.zeros((len(headings_deg), 2)), np.deg2rad(headings_deg)])
     curves = {"comp_pct": np.asarray(completion, float), "collisions": np.zeros(len(poses))}
-    return Trajectory("room", 0, np.full(len(poses) - 1, LEFT, np.int8), poses, curves=curves)
+    return Trajectory(
+        "room", 0, np.full(len(poses) - 1, LEFT, np.int8), poses, curves=curves, surface_m2=SURFACE_M2
+    )
 
 
 def test_turning_to_and_fro_for_nothing_is_an_oscillation():
@@ -144,6 +150,15 @@ def test_reached_goal_that_showed_nothing_was_phantom():
     assert found.main_cause == "phantom surface"
 
 
+def test_what_is_new_is_measured_in_square_metres():
+    """A room's worth of surface is a small share of an office's, and no phantom there."""
+    goals = [(20 * STEP_M, 0.0, 0)]
+    for gain_pct, surface_m2, is_fruitless in ((0.05, 16_000.0, False), (0.3, 100.0, True)):
+        seen = np.linspace(10.0, 10.0 + gain_pct, 21)
+        office = replace(walk(straight(20), seen, goals=goals), surface_m2=surface_m2)
+        assert goal_fates(office, 0.2, SETTINGS).is_fruitless.tolist() == [is_fruitless]
+
+
 def test_goal_counts_as_reached_within_the_slack_of_its_arrival():
     end_m = 20 * STEP_M
     for left_m, is_reached in ((0.19, True), (0.29, True), (0.31, False)):
@@ -172,7 +187,9 @@ def test_row_of_an_agent_without_goals_has_nulls():
 def test_files_of_earlier_versions_can_be_attributed():
     trajectory = walk(straight(30), goals=[(30 * STEP_M, 0.0, 0)])
     old = Trajectory("room", 0, trajectory.actions, trajectory.poses, {}, trajectory.goals, trajectory.curves)
-    assert attribute(old, 0.2).fates.is_reached.all()
+    found = attribute(old, 0.2)
+    assert found.fates.is_reached.all()
+    assert set(found.shares_pct.values()) == {0.0}, "of surface that is not known none is missed"
 
 
 def test_episode_that_stopped_at_once_has_no_share():
@@ -194,7 +211,7 @@ def test_one_failure_is_that_of_the_last_goal_at_its_place():
     assert fates.is_reached.tolist() == [True, False, False]
 
 
-@pytest.mark.parametrize("reason", ["wander", "look round", "random vertex"])
+@pytest.mark.parametrize("reason", ["wander", "look round", "random vertex", "on the way"])
 def test_goal_that_promises_no_surface_breaks_no_promise(reason):
     seen = np.zeros(21)
     found = attribute(walk(straight(20), seen, goals=[(20 * STEP_M, 0.0, 0)], reasons=(reason,)), 0.2)

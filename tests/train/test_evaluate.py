@@ -135,7 +135,10 @@ def test_killed_run_goes_on_where_it_was(tmp_path):
     [
         ({"agents": []}, "`agents`, `scenes` and `seeds` must each name at least one"),
         ({"steps": 0}, "`steps` must be >= 1, got 0"),
-        ({"scenes": ["x/a.glb", "y/a.ply"]}, "`scenes` must have different names in the rows, got a, a"),
+        (
+            {"scenes": ["x/a.glb", "y/a.ply"]},
+            "`scenes` must have different names in rows and files, got a, a",
+        ),
         ({"agents": ["fbe", "fbe"]}, "`agents` must differ"),
     ],
 )
@@ -211,6 +214,20 @@ def _untimed(rows):
 def test_repeated_seed_is_refused(tmp_path):
     with pytest.raises(ValueError, match="`seeds` must differ, got 1, 1"):
         Evaluation(["fbe"], ["home:flat:1"], [1, 1], out=tmp_path)
+
+
+def test_agent_whose_settings_changed_does_not_join_its_old_rows(tmp_path, play):
+    def played_with(settings):
+        return lambda job: play(job) | {"settings_hash": settings}
+
+    evaluate(Evaluation(["fbe"], ["home:flat:1"], [0], out=tmp_path), HERE, played_with("old"))
+    more = Evaluation(["fbe"], ["home:flat:1"], [0, 1], out=tmp_path)
+    with pytest.raises(
+        ValueError, match=r"the rows of fbe.* as they are now, new, got old; .* another `--out`"
+    ):
+        evaluate(more, HERE, played_with("new"))
+    assert {row["settings_hash"] for row in read_rows(tmp_path / ROWS_FILE)} == {"old"}
+    assert len(evaluate(more, HERE, played_with("old"))) == 2
 
 
 def test_rows_of_another_file_of_the_same_name_are_not_taken_for_this_one(tmp_path, play):

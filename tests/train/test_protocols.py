@@ -10,13 +10,14 @@ import trimesh
 from anm_gym.errors import SceneError
 from anm_gym.scenes.datasets import ROOT_VARIABLE
 from anm_gym.scenes.procedural.tiers import TIERS
+from train.backends import Backend
 from train.episodes import Job, make_env, play
 from train.protocols import PROTOCOLS, Protocol, ProtocolScene, make_protocol
 from train.replay import replay
 from train.starts import (
-    STARTS_FILE,
     SceneStarts,
     draw_starts,
+    file_name,
     main,
     merged,
     published_file,
@@ -24,6 +25,7 @@ from train.starts import (
     starts_for,
     write_starts,
 )
+from train.tables.run import TableRun, play_table
 from train.trajectory import Trajectory
 
 TINY = {"camera": {"width_px": 16, "height_px": 16}}
@@ -56,6 +58,8 @@ def test_open_scenes_are_the_meshes_of_a_folder(tmp_path, room_file):
         (tmp_path / name).parent.mkdir()
         shutil.copy(room_file, tmp_path / name)
     (tmp_path / "notes.txt").write_text("no mesh")
+    (tmp_path / "._one.ply").write_text("hidden")
+    (tmp_path / "folder.obj").mkdir()
     protocol = make_protocol("open-scenes", tmp_path)
     assert [scene.label for scene in protocol.scenes] == ["one", "two"]
 
@@ -71,8 +75,11 @@ def test_protocol_without_scenes_is_refused(tmp_path):
 
 def test_scenes_of_one_name_are_refused():
     scenes = (ProtocolScene("a/x.glb", 5), ProtocolScene("b/x.ply", 5))
-    with pytest.raises(ValueError, match="`scenes` must have different names in the rows, got x, x"):
+    with pytest.raises(ValueError, match="`scenes` must have different names in rows and files, got x, x"):
         Protocol("p", "p", scenes)
+    alike = (ProtocolScene("room-1.glb", 5), ProtocolScene("room_1.glb", 5))
+    with pytest.raises(ValueError, match="different names in rows and files, got room-1, room_1; rename"):
+        Protocol("p", "p", alike)
     with pytest.raises(ValueError, match="`steps` must be >= 1, got 0"):
         ProtocolScene("a", 0)
 
@@ -140,13 +147,44 @@ def test_starts_of_another_geometry_are_refused():
 def test_run_keeps_its_starts_and_draws_only_what_is_missing(tmp_path, room):
     label = room.scenes[0].label
     geometry = draw_starts(room.scenes[0], []).geometry
-    write_starts(tmp_path / STARTS_FILE, "one-room", {label: SceneStarts(geometry, {0: (0.5, 0.5, 1.0)})})
+    write_starts(tmp_path / file_name(), "one-room", {label: SceneStarts(geometry, {0: (0.5, 0.5, 1.0)})})
     starts = starts_for(room, (0, 1), tmp_path)
     assert starts[label].by_seed[0] == (0.5, 0.5, 1.0)
     assert starts[label].by_seed[1] == draw_starts(room.scenes[0], [1]).by_seed[1]
-    assert read_starts(tmp_path / STARTS_FILE) == starts
+    assert read_starts(tmp_path / file_name()) == starts
     assert set(starts_for(room, (1,), tmp_path)[label].by_seed) == {1}
-    assert set(read_starts(tmp_path / STARTS_FILE)[label].by_seed) == {0, 1}
+    assert set(read_starts(tmp_path / file_name())[label].by_seed) == {0, 1}
+
+
+def test_scene_that_cannot_be_loaded_fails_alone(tmp_path, room):
+    broken = tmp_path / "broken.ply"
+    broken.write_text("ply")
+    both = Protocol("p", "p", (*room.scenes, ProtocolScene(str(broken), 5)))
+    starts = starts_for(both, (0,), tmp_path)
+    assert list(starts) == [room.scenes[0].label]
+    run = TableRun(["random"], both, (0,), tmp_path, TINY, with_pictures=False)
+    rows = play_table(run, Backend(workers=0))
+    assert [bool(row.get("error")) for row in rows] == [False, True]
+    assert "broken.ply" in rows[1]["error"]
+
+
+def test_another_storey_has_starts_of_its_own(tmp_path, room):
+    other = {"scene_options": {"storey": 0}}
+    starts_for(room, (0,), tmp_path)
+    assert [path.name for path in tmp_path.glob("starts*")] == ["starts.json"]
+    starts_for(room, (1,), tmp_path, other | TINY)
+    own = tmp_path / file_name(env_options=other)
+    assert own.name != "starts.json"
+    assert set(read_starts(own)[room.scenes[0].label].by_seed) == {1}
+    homes = make_protocol("open-homes")
+    assert published_file(homes, other) != published_file(homes)
+
+
+def test_starts_of_a_folder_of_meshes_are_not_published(tmp_path, room_file):
+    protocol = make_protocol("open-scenes", room_file.parent)
+    assert published_file(protocol) is None
+    with pytest.raises(ValueError, match="`out` must name a file for open-scenes"):
+        main(["open-scenes", "--root", str(room_file.parent), "--seeds", "1"])
 
 
 def test_published_starts_belong_to_the_homes_of_today():

@@ -10,6 +10,7 @@ import pytest
 
 from agents.roster import build_agent
 from anm_gym.mesh import TriangleMesh
+from anm_gym.scenes.datasets import ROOT_VARIABLE
 from train.episodes import make_env
 from train.provenance import (
     check_scene_files,
@@ -77,6 +78,19 @@ def test_failed_episode_does_not_bind_its_scene_to_the_file_that_failed(tmp_path
     check_scene_files([str(scene)], [played | {"error": "SceneError: broken"}], tmp_path / "rows.jsonl")
     with pytest.raises(ValueError, match=r"the rows of flat in .*rows\.jsonl must come from"):
         check_scene_files([str(scene)], [played], tmp_path / "rows.jsonl")
+
+
+def test_scene_of_a_dataset_is_named_by_its_file(tmp_path, monkeypatch):
+    monkeypatch.setenv(ROOT_VARIABLE, str(tmp_path))
+    file = tmp_path / "gibson" / "Denmark.glb"
+    file.parent.mkdir()
+    file.write_text("one")
+    first = file_digest("gibson:Denmark")
+    assert first == file_digest(str(file))
+    file.write_text("two")
+    with pytest.raises(ValueError, match=r"the rows of gibson:Denmark in .* must come from"):
+        check_scene_files(["gibson:Denmark"], [{"scene": "gibson:Denmark", "scene_file": first}], tmp_path)
+    assert file_digest("home:flat:1") == ""
 
 
 def test_seed_is_no_setting():

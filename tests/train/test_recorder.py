@@ -17,7 +17,9 @@ class LineEnv(gym.Env):
     observation_space = gym.spaces.Box(0, 1, (1,), np.float32)
     action_space = gym.spaces.Discrete(2)
     camera = "camera"
-    scene = SimpleNamespace(mesh=SimpleNamespace(content_hash="abcd"))
+    scene = SimpleNamespace(
+        mesh=SimpleNamespace(content_hash="abcd"), storey_mesh=SimpleNamespace(areas_m2=np.array([2.0, 3.0]))
+    )
 
     def reset(self, *, seed=None, options=None):
         super().reset(seed=seed)
@@ -84,6 +86,7 @@ def test_trajectory_holds_poses_goals_and_curves(recorder):
     np.testing.assert_array_equal(trajectory.curves["collisions"], [0, 0, 1, 1, 2])
     np.testing.assert_array_equal(trajectory.goals, [[0, 0, 0], [1, 0, 2], [2, 0, 4]])
     assert trajectory.goal_reasons == ("view",) * 3
+    assert trajectory.surface_m2 == 5.0
     np.testing.assert_array_equal(trajectory.failures, [[1, 0, 2], [2, 0, 4]])
     assert trajectory.failure_reasons == ("no way",) * 2
     assert (trajectory.scene_hash, trajectory.env_options) == ("abcd", {"rgb": False})

@@ -18,7 +18,15 @@ def make_trajectory(rng):
         "goal_reasons": ["view"] * 2,
     }
     return Trajectory(
-        "home:flat:1", 3, actions, poses, {"camera": {"width_px": 64}}, np.ones((2, 3)), curves, **failures
+        "home:flat:1",
+        3,
+        actions,
+        poses,
+        {"camera": {"width_px": 64}},
+        np.ones((2, 3)),
+        curves,
+        **failures,
+        surface_m2=3.5,
     )
 
 
@@ -29,6 +37,7 @@ def test_trajectory_comes_back_bit_for_bit(tmp_path):
     loaded = Trajectory.load(path)
     assert (loaded.scene, loaded.seed, loaded.env_options) == (saved.scene, saved.seed, saved.env_options)
     assert (loaded.goal_reasons, loaded.failure_reasons) == (["view", "view"], ["no way"])
+    np.testing.assert_allclose(loaded.completed_m2, 0.035 * loaded.curves["comp_pct"])
     for name in ("actions", "poses", "goals", "failures"):
         assert getattr(loaded, name).tobytes() == getattr(saved, name).tobytes()
     assert loaded.curves["comp_pct"].tobytes() == saved.curves["comp_pct"].tobytes()
@@ -42,6 +51,7 @@ def test_file_without_failures_is_read(tmp_path):
     loaded = Trajectory.load(tmp_path / "old.npz")
     assert loaded.failures.shape == (0, 3)
     assert len(loaded.goal_reasons) == len(loaded.failure_reasons) == 0
+    assert np.isnan(loaded.surface_m2)
 
 
 def test_path_length_adds_up_moves_and_ignores_turns():

@@ -39,11 +39,14 @@ class Panel:
     scenes: tuple[str, ...]
     """Their names."""
     bands: Mapping[str, Band]
-    """Mean completion ratio with its 95 % band over scenes and seeds, by agent, the best at the end first."""
+    """Mean completion ratio by agent, the best at the end first; 95 % bands are over scenes, or over the
+    starts of a single one."""
     episodes: Mapping[str, int]
     """Episodes by agent."""
     missing: int = 0
     """Episodes of the table that have no curve in their row, and no trajectory here."""
+    is_paired: bool = True
+    """Whether every agent has the same scenes and seeds; else their curves cannot be compared."""
 
     @property
     def num_episodes(self) -> int:
@@ -64,11 +67,16 @@ class CompletionCurves:
 
     @property
     def gap(self) -> str:
-        """How many of the table's episodes have a curve; empty if all do."""
+        """What is lacking: episodes without a curve, episodes that only some have; empty if nothing is."""
         found = sum(panel.num_episodes for panel in self.panels)
         missing = sum(panel.missing for panel in self.panels) + self.num_failed
         failed = f", {self.num_failed} of them failed" if self.num_failed else ""
-        return f"{found} of {found + missing} episodes, the others without a curve{failed}" if missing else ""
+        lacks = []
+        if missing:
+            lacks.append(f"{found} of {found + missing} episodes, the others without a curve{failed}")
+        if not all(panel.is_paired for panel in self.panels):
+            lacks.append("the agents do not have the same scenes and seeds")
+        return "; ".join(lacks)
 
     def numbers(self) -> Numbers:
         """Give the curves as plain arrays."""
@@ -135,6 +143,7 @@ def _panel(run: Path, steps: int, rows: Sequence[Row]) -> Panel:
         {name: bands[name] for name in best_first},
         {name: len(loaded.over_steps[name]) for name in best_first},
         len(loaded.missing),
+        make_table(rows).is_paired,
     )
 
 
@@ -171,6 +180,8 @@ def _draw_panel(axis: Any, panel: Panel, styles: Mapping[str, tuple[str, str]]) 
     axis.set_xlabel("steps")
     count = len(panel.scenes)
     total = panel.num_episodes + panel.missing
-    gap = f", {panel.num_episodes} of {total} episodes" if panel.missing else ""
-    axis.set_title(f"{count} scene{'s' if count > 1 else ''}, {panel.steps} steps{gap}", fontsize=10)
+    title = [f"{count} scene{'s' if count > 1 else ''}", f"{panel.steps} steps"]
+    title += [f"{panel.num_episodes} of {total} episodes"] * bool(panel.missing)
+    title += ["not the same starts for all"] * (not panel.is_paired)
+    axis.set_title(", ".join(title), fontsize=10)
     axis.legend(frameon=False, fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))

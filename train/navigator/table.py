@@ -12,7 +12,7 @@ from agents.learned_navigator import LearnedSettings
 from agents.navigators import LEARNED, NAVIGATORS
 from agents.policy_file import load_policy, policy_identity
 from anm_gym.metrics.intervals import mean_interval, wilson_interval
-from train.command import scene_label
+from train.command import check_scene_names, scene_label
 from train.navigator.driven import play_driven
 from train.navigator.episodes import NavigationEpisode, episodes_of, play_learned
 from train.pool import run_jobs
@@ -60,11 +60,10 @@ class NavigationComparison:
                 f"`navigators` must not name {', '.join(drawing)} where the likeliest actions are asked for: "
                 "drawing is part of what they are"
             )
-        labels = [scene_label(scene) for scene in self.scenes]
-        if len(set(labels)) != len(labels):
-            raise ValueError(f"`scenes` must have different names in the rows, got {', '.join(labels)}")
-        if self.episodes < len(labels):
-            raise ValueError(f"`episodes` must be >= 1 for each of {len(labels)} scenes, got {self.episodes}")
+        check_scene_names(self.scenes)
+        count = len(self.scenes)
+        if self.episodes < count:
+            raise ValueError(f"`episodes` must be >= 1 for each of {count} scenes, got {self.episodes}")
 
 
 @dataclass(frozen=True)

@@ -45,8 +45,9 @@ class TableResult:
 
     @property
     def published(self) -> Numbers:
-        """The paper's own numbers under the same protocol; empty for other protocols."""
-        return PUBLISHED[self.name].get(self.run.protocol.base, {})
+        """The paper's own numbers under the same protocol; empty for others, and for a part of it."""
+        protocol = self.run.protocol
+        return PUBLISHED[self.name].get(protocol.base, {}) if protocol.is_whole else {}
 
     def differences(self, key: str) -> dict[str, Interval]:
         """Mean difference to the reference from the same start, by agent."""

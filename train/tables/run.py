@@ -11,7 +11,7 @@ from train.play import play_missing
 from train.protocols import Protocol
 from train.provenance import versions
 from train.results import Row, write_json
-from train.starts import StartTable, starts_for
+from train.starts import SceneStarts, StartTable, starts_for
 
 QUICK_SEEDS: Final = {"table1": (0, 1), "table2": (0,)}
 """Seeds of `--quick`: two have an interval, but scoring the maps of Table 2 takes too long for two."""
@@ -51,6 +51,7 @@ class TableRun:
 
     def jobs(self, starts: StartTable) -> list[Job]:
         """List the episodes, scene by scene, so that a worker keeps a scene it has loaded."""
+        none = SceneStarts("")
         return [
             Job(
                 *split_agent(agent),
@@ -62,8 +63,8 @@ class TableRun:
                 with_maps=self.with_maps,
                 with_pictures=self.with_pictures,
                 conditions=self.protocol.name,
-                start=starts[scene.label].by_seed[seed],
-                geometry=starts[scene.label].geometry,
+                start=starts.get(scene.label, none).by_seed.get(seed),
+                geometry=starts.get(scene.label, none).geometry,
             )
             for scene in self.protocol.scenes
             for seed in self.seeds

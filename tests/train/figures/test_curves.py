@@ -102,6 +102,16 @@ def test_title_of_a_panel_says_how_many_episodes_it_shows(run, tmp_path, monkeyp
     assert titles == ["1 scene, 4 steps", "1 scene, 4 steps, 5 of 6 episodes"]
 
 
+def test_figure_says_that_some_agents_have_other_episodes(run, tmp_path, monkeypatch):
+    titles = []
+    monkeypatch.setattr("matplotlib.axes.Axes.set_title", lambda axis, text, **_: titles.append(text))
+    leave_episode(run, "fbe", 3, np.linspace(0.0, 40.0, 5))
+    curves = gather_curves(run)
+    assert curves.gap == "the agents do not have the same scenes and seeds"
+    curves.draw(tmp_path / "unlike.png")
+    assert titles == ["1 scene, 4 steps, not the same starts for all"]
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [

@@ -155,7 +155,9 @@ def test_missing_episodes_alone_are_played(net: NavigatorNet, tmp_path: Path) ->
 
 
 def test_scenes_must_have_different_names() -> None:
-    with pytest.raises(ValueError, match="`scenes` must have different names in the rows, got mesh, mesh"):
+    with pytest.raises(
+        ValueError, match="`scenes` must have different names in rows and files, got mesh, mesh"
+    ):
         NavigationComparison(["oracle"], ["a/mesh.ply", "b/mesh.ply"], 1, 0.25, deterministic=False)
 
 

@@ -1,6 +1,7 @@
 """The paper's tables by one command: who is in them, what they say, what is played again."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -9,7 +10,7 @@ from train.backends import Backend
 from train.command import run_command
 from train.episodes import split_agent
 from train.play import ROWS_FILE
-from train.protocols import Protocol, ProtocolScene
+from train.protocols import Protocol, ProtocolScene, make_protocol
 from train.provenance import digest
 from train.results import append_row, read_rows
 from train.tables.__main__ import main, play_command
@@ -140,8 +141,10 @@ def test_share_of_the_oracle_is_that_of_the_same_start(result):
     )
 
 
-def test_native_and_official_stand_apart_with_the_paper_beside(result):
-    text = format_result(result)
+def test_native_and_official_stand_apart_with_the_paper_beside(tmp_path):
+    run = replace(make_run(tmp_path), protocol=make_protocol("anm-gibson"))
+    rows = make_rows(run, {"random": 20.0, "anm:best": 60.0})
+    text = format_result(make_result("table1", "best", run, rows, "anm:best"))
     native, official, paper, differences = text.split("\n\n")
     assert "Comp. (%)" in native
     assert "official" not in native.split("\n", 1)[1].replace("native metrics", "")
@@ -157,6 +160,14 @@ def test_other_protocols_have_no_published_numbers(tmp_path):
     assert result_as_json(result)["published"] is None
     assert result_as_json(result)["reference"] is None
     assert "as published" not in format_result(result)
+
+
+def test_part_of_the_paper_s_protocol_has_no_published_numbers(tmp_path):
+    run, whole = make_run(tmp_path), make_protocol("anm-gibson")
+    assert whole.is_whole
+    for part in (whole.only(["gibson:Denmark"]), whole.shortened(12)):
+        rows = make_rows(some := replace(run, protocol=part), {"random": 20.0})
+        assert not make_result("table1", "best", some, rows, "random").published
 
 
 def test_published_columns_are_columns_of_the_table():
