@@ -21,7 +21,7 @@ class Progress:
     frames: int = 0
     """Frames of this stage."""
     cpu_s: float = 0.0
-    """CPU time that the run has taken so far, seconds."""
+    """CPU time that the run has taken so far in the process that saves, seconds."""
     curve: list[dict[str, Any]] = field(default_factory=list)
     """What the evaluations came to."""
 

@@ -111,14 +111,14 @@ class ExploreEnv(MeshEnv):
         if reward not in REWARDS:
             raise ValueError(f"`reward` must be one of {', '.join(REWARDS)}, got {reward!r}")
         self._seen_floor: SeenFloor | None = None
-        self._is_rewarded = reward == "area"
+        self.is_rewarded = reward == "area"
         super().__init__(MeshEnvSettings(scene=scene, render_mode=render_mode, **settings))
 
     def _option_names(self) -> tuple[str, ...]:
         return ("scene", "start")
 
     def _begin(self, _options: EpisodeOptions, depth_m: NDArray[np.float32]) -> None:
-        self._seen_floor = SeenFloor(self.simulator.grid, self.camera) if self._is_rewarded else None
+        self._seen_floor = SeenFloor(self.simulator.grid, self.camera) if self.is_rewarded else None
         self._look_around(depth_m)
 
     def _judge(self, action: Action, depth_m: NDArray[np.float32]) -> tuple[float, bool]:

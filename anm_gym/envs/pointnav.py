@@ -175,7 +175,8 @@ class PointNavEnv(MeshEnv):
         return {"pointgoal_with_gps_compass": pointgoal(state.position_xz, state.heading_rad, self._goal_xz)}
 
     def _task_info(self) -> dict[str, Any]:
-        efficiency = self._shortest_m / max(self._shortest_m, self.path_length_m, 1e-9)
+        longest_m = max(self._shortest_m, self.path_length_m)
+        efficiency = self._shortest_m / longest_m if longest_m > 0.0 else 1.0
         progress = max(0.0, 1.0 - self._distance_m / max(self._shortest_m, 1e-9))
         return {
             "distance_to_goal_m": self._distance_m,

@@ -126,7 +126,8 @@ def reset_options(
         scenes_dir: Folder below which their mesh files lie.
         scene_options: Keywords for mesh files, the same that the environment was made with; its
             ``storey`` is the one that is played.
-        skip_other_storeys: Leave out what is on another storey of its scene, rather than raise.
+        skip_other_storeys: Leave out what is on another storey of its scene, or between storeys, rather than
+            raise.
 
     Yields:
         A dict of ``scene``, ``start`` and ``goal``.
@@ -134,16 +135,25 @@ def reset_options(
     Raises:
         SceneError: If a scene cannot be used.
         EpisodeError: If an episode is not on the storey that is played; the message names its own.
+            If such are left out: when no episode is on any storey, as in a mesh that lies on its side.
 
     Example:
         >>> episode = next(draw_episodes("home:studio:0", 1, np.random.default_rng(0)))
         >>> sorted(next(reset_options([episode])))
         ['goal', 'scene', 'start']
     """
+    between, is_any_on_a_storey = None, False
     for episode in episodes:
         name = scene_name(episode.scene_id, scenes_dir)
         scene = shared_scene(name, scene_options)
-        storey = storey_of(episode, scene)
+        try:
+            storey = storey_of(episode, scene)
+        except EpisodeError as error:
+            if not skip_other_storeys:
+                raise
+            between = between or error
+            continue
+        is_any_on_a_storey = True
         if storey == scene.storey:
             grid, (x, z, heading_rad) = shared_grid(scene), episode.start
             start = (*_snapped((x, z), grid), heading_rad)
@@ -154,6 +164,8 @@ def reset_options(
                 f"{scene.storey.index}, got y = {episode.start_position[1]:.2f}, which is storey "
                 f"{storey.index}; pass scene_options={{'storey': {storey.index}}} here and to `make`"
             )
+    if between is not None and not is_any_on_a_storey:
+        raise between
 
 
 def storey_of(episode: PointNavEpisode, scene: Scene) -> Storey:

@@ -7,7 +7,8 @@ import gymnasium
 import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 
-from anm_gym.envs.mesh_env import MeshEnv, Observation
+from anm_gym.envs.explore import ExploreEnv
+from anm_gym.envs.mesh_env import Observation
 from anm_gym.wrappers.occupancy import has_occupancy
 
 
@@ -45,12 +46,16 @@ class CoverageRewardWrapper(
     Explore pays for the floor.
 
     ## Needs
-    Observations of `ANM/Explore-v0`; for `known`, an occupancy grid below,
-    such as that of `OccupancyWrapper`.
+    `ANM/Explore-v0`; for `floor`, with its own reward; for `known`, an occupancy grid below, such as that of
+    `OccupancyWrapper`.
 
     Args:
         env: An exploration environment.
         floor, known, collision, slack: The fields of `CoverageWeights`.
+
+    Raises:
+        TypeError: If `env` is made of another environment.
+        ValueError: If it lacks what is paid for.
 
     Example:
         >>> env = gymnasium.make("anm_gym:ANM/Explore-v0", scene="home:studio:0")
@@ -74,8 +79,13 @@ class CoverageRewardWrapper(
     ) -> None:
         RecordConstructorArgs.__init__(self, floor=floor, known=known, collision=collision, slack=slack)
         super().__init__(env)
-        if not isinstance(env.unwrapped, MeshEnv):
+        if not isinstance(env.unwrapped, ExploreEnv):
             raise TypeError(f"`env` must be made of ANM/Explore-v0, got {type(env.unwrapped).__name__}")
+        if floor != 0.0 and not env.unwrapped.is_rewarded:
+            raise ValueError(
+                f"`floor` must be 0 where the environment pays for no floor, got {floor}; "
+                "make it with reward='area'"
+            )
         self.weights = CoverageWeights(floor, known, collision, slack)
         if known != 0.0 and not has_occupancy(env):
             raise ValueError(
@@ -89,7 +99,7 @@ class CoverageRewardWrapper(
         """Begin an episode; what the first image shows is free."""
         observation, info = self.env.reset(seed=seed, options=options)
         base = self.env.unwrapped
-        assert isinstance(base, MeshEnv)
+        assert isinstance(base, ExploreEnv)
         self._total_m2 = base.simulator.grid.component_areas_m2[0]
         self._known_m2 = self._measure_known()
         return observation, self._with_coverage(info)

@@ -130,6 +130,19 @@ def test_episode_upstairs_can_be_skipped_or_played_there(two_storeys: str) -> No
     assert env.simulator.world_from_camera[:3, 3].tolist() == pytest.approx([0.5, 4.25, 1.0])
 
 
+def test_episodes_between_storeys_are_skipped_with_those_of_others(two_storeys: str) -> None:
+    def kept(*heights_m: tuple[float, float]) -> int:
+        episodes = [episode(*pair) for pair in heights_m]
+        found = reset_options(
+            episodes, scenes_dir=Path(two_storeys).parent, scene_options=Y_UP, skip_other_storeys=True
+        )
+        return len(list(found))
+
+    assert kept((0.0, 0.0), (1.5, 0.0), (0.0, 3.0), (3.0, 3.0), (0.0, 0.0)) == 2
+    with pytest.raises(EpisodeError, match="check the mesh's `up_axis` and `unit`"):
+        kept((1.5, 1.5), (1.4, 1.4))
+
+
 def test_heights_between_or_across_floors_are_refused(two_storeys: str) -> None:
     scene = load_scene(two_storeys, up_axis="y")
     assert storey_of(episode(0.2, -0.1), scene).index == 0

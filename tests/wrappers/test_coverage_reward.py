@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -34,18 +35,19 @@ def test_floor_alone_is_what_explore_pays(in_a_box) -> None:
 
 
 def test_every_step_costs_the_slack(in_a_box) -> None:
-    (paid,) = rewards_of(CoverageRewardWrapper(in_a_box(reward="none"), slack=0.25), [Action.TURN_LEFT])
+    env = CoverageRewardWrapper(in_a_box(reward="none"), floor=0.0, slack=0.25)
+    (paid,) = rewards_of(env, [Action.TURN_LEFT])
     assert paid == -0.25
 
 
 def test_contact_costs_the_penalty(in_a_box) -> None:
-    env = CoverageRewardWrapper(in_a_box(NEAR_THE_WALL, reward="none"), collision=0.5, slack=0.0)
+    env = CoverageRewardWrapper(in_a_box(NEAR_THE_WALL, reward="none"), floor=0.0, collision=0.5, slack=0.0)
     assert rewards_of(env, [Action.MOVE_FORWARD] * 3) == [0.0, -0.5, -0.5]
 
 
 def test_known_cells_are_paid_by_their_area(in_a_box) -> None:
     grid = OccupancyWrapper(in_a_box(reward="none"))
-    env = CoverageRewardWrapper(grid, known=2.0, collision=0.0, slack=0.0)
+    env = CoverageRewardWrapper(grid, floor=0.0, known=2.0, collision=0.0, slack=0.0)
     env.reset(seed=0)
     before = np.count_nonzero(~grid.occupancy.unknown)
     paid = env.step(Action.TURN_LEFT)[1]
@@ -73,8 +75,16 @@ def test_coverage_is_the_share_of_the_floor(in_a_box) -> None:
 
 
 def test_without_explores_reward_there_is_no_coverage(in_a_box) -> None:
-    _, info = CoverageRewardWrapper(in_a_box(reward="none")).reset(seed=0)
+    _, info = CoverageRewardWrapper(in_a_box(reward="none"), floor=0.0).reset(seed=0)
     assert "coverage" not in info
+    with pytest.raises(ValueError, match=r"`floor` must be 0 where .* got 1\.0; make it with reward='area'"):
+        CoverageRewardWrapper(in_a_box(reward="none"))
+
+
+def test_other_environments_pay_for_something_else() -> None:
+    env = gymnasium.make("anm_gym:ANM/PointNav-v0", scene="home:studio:0")
+    with pytest.raises(TypeError, match="`env` must be made of ANM/Explore-v0, got PointNavEnv"):
+        CoverageRewardWrapper(env)
 
 
 def test_grid_is_needed_to_pay_for_it(in_a_box) -> None:

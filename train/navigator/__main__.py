@@ -34,7 +34,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if options["evaluate"]:
         compare_navigators(_comparison(options, given), json_path=options["json"] and Path(options["json"]))
         return
-    training, hardware = training_from(options, given), Hardware(options["device"], options["backend"])
+    training = training_from(options, given)
+    hardware = Hardware(options["device"], options["backend"]).of_process()
     ranks = Ranks.join()
     torch.set_num_threads(1)
     try:

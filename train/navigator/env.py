@@ -138,12 +138,11 @@ class NavigationVecEnv(VecEnvWrapper):
         """Step everywhere; the time limit ends an episode for good, as in DD-PPO."""
         observations, rewards, dones, infos = self.venv.step_wait()
         for index in np.flatnonzero(dones).tolist():
-            infos[index].pop("TimeLimit.truncated")
+            # No episode is cut short, so nobody needs its last image, which is not as the network sees it.
+            for name in ("TimeLimit.truncated", "terminal_observation"):
+                infos[index].pop(name)
             self._begin(index)
-        shown = self._show(observations)
-        for index in np.flatnonzero(dones).tolist():
-            infos[index]["terminal_observation"] = {key: values[index] for key, values in shown.items()}
-        return shown, rewards, dones, infos
+        return self._show(observations), rewards, dones, infos
 
     def teacher_actions(self) -> NDArray[np.int64]:
         """(N,) what the teacher would do now."""

@@ -1,6 +1,7 @@
 """Where a training run computes: apart from its settings, since a run may go on elsewhere."""
 
-from dataclasses import asdict, dataclass
+import os
+from dataclasses import asdict, dataclass, replace
 
 from anm_gym.map.numerics import usable_device
 from anm_gym.sim.backends import BACKENDS
@@ -11,7 +12,7 @@ class Hardware:
     """What the networks learn on, and what draws the depth images of training."""
 
     device: str = "cpu"
-    """Where the networks live: `cpu`, `cuda` or `cuda:1`."""
+    """Where the networks live: `cpu`, `cuda` or `cuda:1`; see `of_process` for several processes."""
     backend: str = "embree"
     """What casts the rays: `embree` on the CPU, or `warp` on the device."""
 
@@ -19,6 +20,16 @@ class Hardware:
         usable_device(self.device)
         if self.backend not in BACKENDS:
             raise ValueError(f"unknown backend {self.backend!r}; choose one of: {', '.join(BACKENDS)}")
+
+    def of_process(self) -> "Hardware":
+        """Give each process that `torchrun` starts on a machine a GPU of its own, where none is named.
+
+        Raises:
+            ValueError: If the machine has fewer GPUs than processes.
+        """
+        if self.device != "cuda" or int(os.environ.get("WORLD_SIZE", "1")) == 1:
+            return self
+        return replace(self, device=f"cuda:{os.environ.get('LOCAL_RANK', '0')}")
 
     @property
     def camera_device(self) -> str:

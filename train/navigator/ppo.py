@@ -4,6 +4,7 @@ The library's `train` is used as it is: its minibatches come from `EnvironmentBu
 `NavigatorPolicy`, and gradients are averaged and clipped right before the optimiser steps.
 """
 
+from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any, Final, final
@@ -42,7 +43,9 @@ class PpoSettings:
     minibatches: int = 4
     """Groups of environments per pass (DD-PPO: 2; four learn faster on a small budget)."""
     learning_rate: float = 2.5e-4
-    """Of Adam; it falls linearly to 0 (DD-PPO: constant)."""
+    """Of Adam."""
+    decays_learning_rate: bool = True
+    """Whether it falls linearly to 0 (DD-PPO: not)."""
     clip_range: float = 0.2
     """Of the ratio of probabilities, and of values."""
     entropy_weight: float = 0.01
@@ -77,6 +80,10 @@ class PpoSettings:
             )
 
 
+def _decaying(rate: float) -> Callable[[float], float]:
+    return lambda remaining: remaining * rate
+
+
 @final
 class NavigatorPpo(RecurrentPPO):
     """Recurrent PPO for navigators.
@@ -86,7 +93,7 @@ class NavigatorPpo(RecurrentPPO):
         net: Sizes of the network.
         settings: Constants.
         ranks: The processes that learn together.
-        seed: Seeds draws; every process adds its number.
+        seed: Seeds draws and, one after the other, the agents of all processes.
         kwargs: The library's: `tensorboard_log`, `verbose`, `device`.
     """
 
@@ -107,7 +114,9 @@ class NavigatorPpo(RecurrentPPO):
         super().__init__(
             NavigatorPolicy,
             env,
-            learning_rate=lambda remaining: remaining * settings.learning_rate,
+            learning_rate=_decaying(settings.learning_rate)
+            if settings.decays_learning_rate
+            else settings.learning_rate,
             n_steps=settings.rollout_steps,
             batch_size=None,
             n_epochs=settings.epochs,
@@ -120,7 +129,7 @@ class NavigatorPpo(RecurrentPPO):
             vf_coef=settings.value_weight,
             max_grad_norm=NO_CLIPPING,
             policy_kwargs={"net": net},
-            seed=seed + self.ranks.rank,
+            seed=seed + self.ranks.rank * env.num_envs,
             **kwargs,
         )
 

@@ -95,7 +95,11 @@ PRESETS: Final = {
         ),
         imitation=DaggerSettings(frames=0),
         reinforcement=PpoSettings(
-            frames=2_500_000_000, minibatches=2, normalises_advantages=False, value_frames=0
+            frames=2_500_000_000,
+            minibatches=2,
+            decays_learning_rate=False,
+            normalises_advantages=False,
+            value_frames=0,
         ),
         num_agents=4,
         evaluation_every=1_000_000,

@@ -85,22 +85,29 @@ class NavigatorRun:
         """
         if self._kept_stage == DONE:
             return load_policy(self.folder / WEIGHTS_FILE)
-        torch.manual_seed(self.training.seed)
+        seed = self._stage_seed() + self.ranks.rank * self.training.num_agents
+        torch.manual_seed(seed)
         net = NavigatorNet(self.training.net).to(self.hardware.device)
-        seed = self.training.seed * 1000 + self.ranks.rank + 7919 * self.progress.frames
         env = NavigationVecEnv(
             self.training.net, self.training.domain, self.training.num_agents, seed, self.hardware
         )
-        with closing(self._logger()) as logger:
-            if self.progress.stage == IMITATION:
+        if self.progress.stage == IMITATION:
+            with closing(self._logger()) as logger:
                 self._imitate(net, env, logger)
+        with closing(self._logger()) as logger:
             net = self._reinforce(net, env, logger).cpu()
             if self.ranks.is_first:
                 self._finish(net, logger)
         return net
 
+    def _stage_seed(self) -> int:
+        """Seed of the stage from here on: one that goes on does not draw again what it has drawn."""
+        stage = (IMITATION, REINFORCEMENT).index(self.progress.stage)
+        entropy = np.random.SeedSequence([self.training.seed, stage, self.progress.frames])
+        return int(entropy.generate_state(1)[0]) // 2
+
     def _imitate(self, net: NavigatorNet, env: NavigationVecEnv, logger: Logger) -> None:
-        dagger = Dagger(net, env, self.training.imitation, self.training.seed, self.ranks)
+        dagger = Dagger(net, env, self.training.imitation, self._stage_seed(), self.ranks)
         if self._kept_stage == IMITATION:
             self._checkpoint.restore(net, dagger.optimizer)
             dagger.frames = self.progress.frames
@@ -128,7 +135,7 @@ class NavigatorRun:
             self.training.net,
             settings,
             self.ranks,
-            self.training.seed,
+            self._stage_seed(),
             device=self.hardware.device,
         )
         if self._kept_stage == REINFORCEMENT:
@@ -158,10 +165,11 @@ class NavigatorRun:
             return
         self.progress.cpu_s = self._cpu_before_s + time.process_time()
         every = self.training.evaluation_every
-        if before // every != frames // every:
+        is_due = before // every != frames // every
+        if is_due:
             self._add_point(module if isinstance(module, NavigatorNet) else module.as_net(), logger)
-        if self.progress.stage == IMITATION:
-            logger.dump(frames)
+        if is_due or self.progress.stage == IMITATION:
+            self._dump(logger)
         if time.monotonic() - self._saved_s > SAVE_S:
             self._saved_s = time.monotonic()
             self._checkpoint.save(module, optimizer, self.progress)
@@ -189,7 +197,7 @@ class NavigatorRun:
         last = self.progress.curve[-1] if self.progress.curve else {}
         if (last.get("stage"), last.get("frames")) != (self.progress.stage, self.progress.frames):
             self._add_point(net, logger)
-            logger.dump(self.progress.frames)
+            self._dump(logger)
         self.progress.cpu_s = self._cpu_before_s + time.process_time()
         save_policy(net, self.folder / WEIGHTS_FILE)
         card = {
@@ -203,6 +211,10 @@ class NavigatorRun:
         write_json(self.folder / "policy.json", card)
         self.progress.stage = DONE
         self._checkpoint.save(net, torch.optim.Adam(net.parameters()), self.progress)
+
+    def _dump(self, logger: Logger) -> None:
+        logger.record("time/total_timesteps", self.progress.frames, exclude="tensorboard")
+        logger.dump(self.progress.frames)
 
     def _logger(self) -> Logger:
         if not self.ranks.is_first:
@@ -238,6 +250,9 @@ class _Watch(BaseCallback):
 
     def _on_step(self) -> bool:
         return True
+
+    def _on_rollout_end(self) -> None:
+        self.logger.record("rollout/spl", _mean(self.model.ep_info_buffer or (), "spl"))
 
     def _on_training_end(self) -> None:
         self._bar.update(self.model.num_timesteps - self._bar.n)

@@ -1,6 +1,7 @@
 """The command's options: settings from YAML and flags, two modes that do not mix."""
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ from agents.navigator_net import NavigatorNetSettings
 from train.navigator import __main__ as command
 from train.navigator.__main__ import main, read_options, training_from
 from train.navigator.hardware import Hardware
+from train.navigator.ppo import PpoSettings
 from train.navigator.presets import VARIANTS, NavigatorTraining, training_of
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -23,6 +25,7 @@ def test_shipped_configuration_is_the_shipped_navigators() -> None:
     read = training("--config", str(path))
     assert read == training_of("mini", "plus", num_agents=16)
     shipped = json.loads((ROOT / "agents" / "weights" / "ddppo-plus.json").read_text())["training"]
+    shipped["reinforcement"] = asdict(PpoSettings(**shipped["reinforcement"]))  # fields have been added
     plain = json.loads(json.dumps(read.as_dict()))
     assert NavigatorNetSettings.read(shipped.pop("net")) == NavigatorNetSettings.read(plain.pop("net"))
     assert shipped == plain
@@ -108,6 +111,16 @@ def test_warp_casts_rays_on_the_device_and_embree_on_the_cpu(monkeypatch: pytest
     monkeypatch.setattr("torch.cuda.device_count", lambda: 1)
     assert Hardware("cuda", "warp").camera_device == "cuda"
     assert Hardware("cuda", "embree").camera_device == "cpu"
+
+
+def test_processes_of_a_machine_have_a_gpu_each(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("train.navigator.hardware.usable_device", lambda device: device)
+    assert Hardware("cuda").of_process().device == "cuda"
+    monkeypatch.setenv("WORLD_SIZE", "2")
+    monkeypatch.setenv("LOCAL_RANK", "1")
+    assert Hardware("cuda", "warp").of_process() == Hardware("cuda:1", "warp")
+    assert Hardware("cuda:0").of_process().device == "cuda:0"
+    assert Hardware().of_process().device == "cpu"
 
 
 @pytest.mark.parametrize("name", ["navigators", "scenes"])

@@ -16,6 +16,7 @@ def test_presets_and_variants_are_chosen_by_name() -> None:
     assert (training.imitation.frames, training.num_agents, training.seed) == (7, 4, 3)
     assert training.reinforcement == PRESETS["mini"].reinforcement
     assert PRESETS["full"].net.vision == "resnet50"
+    assert not PRESETS["full"].reinforcement.decays_learning_rate
     with pytest.raises(ValueError, match="unknown preset 'huge'; choose one of: mini, full, quick"):
         training_of("huge", "plus")
     with pytest.raises(ValueError, match="unknown variant 'moon'; choose one of: plus, star"):

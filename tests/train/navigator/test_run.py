@@ -1,5 +1,6 @@
 """The command: both stages in a folder, and on again after it was killed."""
 
+import csv
 import json
 import signal
 import subprocess
@@ -60,7 +61,12 @@ def test_run_leaves_weights_card_log_and_curve(training: NavigatorTraining, tmp_
     assert set(card["curve"][0]) >= {"frames", "success_0.065", "spl_0.25"}
     assert card["training"]["seed"] == 0
     header = (tmp_path / "log" / "imitation_0" / "progress.csv").read_text().splitlines()[0]
-    assert {"rollout/success_rate", "train/loss"} <= set(header.split(","))
+    assert {"rollout/success_rate", "train/loss", "time/total_timesteps"} <= set(header.split(","))
+    with (tmp_path / "log" / "reinforcement_0" / "progress.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert {"rollout/spl", "rollout/success_rate", "train/value_loss"} <= rows[0].keys()
+    judged = [row["time/total_timesteps"] for row in rows if row["eval/success_0.25"]]
+    assert judged == ["192", "256"], "an evaluation stands where it was made"
 
 
 def test_last_point_is_of_the_network_that_is_left(
