@@ -100,10 +100,11 @@ class LayoutMemory:
             self.grid.fuse(window, values)
 
     def visit(self, positions_xz: NDArray[np.float64]) -> None:
-        """Take note of (N, 2) places where the agent has been, metres."""
+        """Take note of (N, 2) places where the agent has been, metres; beyond the map they are left out."""
         reach = round(self.settings.visited_m / self.settings.cell_m)
         around = np.arange(-reach, reach + 1)
         cells = self.frame.cells_of(positions_xz)
+        cells = cells[self.frame.contains(cells)]
         rows = np.clip(cells[:, 0, None, None] + around[:, None], 0, self.frame.shape[0] - 1)
         columns = np.clip(cells[:, 1, None, None] + around, 0, self.frame.shape[1] - 1)
         self.visited[rows, columns] = 1.0

@@ -1,5 +1,6 @@
 """Goals of Occupancy Anticipation, and of Active Neural SLAM, which is the same without anticipation."""
 
+import math
 from dataclasses import dataclass
 from typing import Final, final
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from agents.layout_memory import LayoutMemory, points_to_world, start_poses
 from agents.occant_model import OccAntModel, OccAntSettings, load_model
 from agents.weights_identity import WeightsIdentity
+from anm_gym.actions import FORWARD_STEP_M, TURN_STEP_DEG
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.geometry import wrap_angle
 from anm_gym.map.projection import count_hits, project_depth, seen_masks
@@ -120,7 +122,7 @@ class OccAntGoalWrapper(GoalWrapper):
         self.memory.reset()
         self._start = np.append(self.position_xz, self.heading_rad)
         self._last_xz = self.position_xz
-        self._num_frames = 0
+        self._num_frames, self._look_every = 0, self._steps_between_looks()
         self._goal_age, self._goal_walk_m, self._num_failures = 0, 0.0, 0
 
     def _see(self, observation: Observation) -> None:
@@ -129,7 +131,7 @@ class OccAntGoalWrapper(GoalWrapper):
         self._goal_age += 1
         self._goal_walk_m += float(np.linalg.norm(self.position_xz - self._last_xz))
         self._last_xz = self.position_xz
-        if self._num_frames % self.model_settings.look_every_steps == 0:
+        if self._num_frames % self._look_every == 0:
             with self.stopwatch("anticipate"):
                 self.memory.add(self._look_at(observation["depth"]), pose[None])
         self._num_frames += 1
@@ -145,6 +147,12 @@ class OccAntGoalWrapper(GoalWrapper):
 
     def _review_goal(self, goal: Goal) -> Goal | None:
         return None if self._is_due() else goal
+
+    def _steps_between_looks(self) -> int:
+        """As many as the model was trained with, or fewer if steps or turns are wider than the usual ones."""
+        forward_m, turn_rad = self.step_sizes
+        widening = max(1.0, forward_m / FORWARD_STEP_M, math.degrees(turn_rad) / TURN_STEP_DEG)
+        return math.ceil(round(self.model_settings.look_every_steps / widening, 6))
 
     @property
     def _local_pose(self) -> NDArray[np.float64]:

@@ -39,7 +39,7 @@ class OccAntSettings:
     """How depth becomes a look: as far as the patch reaches; masks grow as many metres as in the paper's
     code, whose cells are half as large."""
     look_every_steps: int = 5
-    """A look is added after so many steps: 33 cm, about a step of the paper."""
+    """A look is added after so many of the usual steps, 33 cm or 50 degrees: about a step of the paper."""
 
     def __post_init__(self) -> None:
         if min(self.width, self.look_every_steps) < 1:

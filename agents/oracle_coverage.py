@@ -27,7 +27,7 @@ class OracleCoverageGoalWrapper(GoalWrapper):
 
     Args:
         env: An exploration environment.
-        seed: Seeds what is drawn.
+        seed: Seeds the goals of last resort alone; the search draws the same for every seed, as for a bound.
 
     Source:
         Ours: greedy maximum coverage with travel cost.

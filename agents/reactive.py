@@ -6,18 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.batching import actions_for
-from anm_gym.actions import MOVES, Action
+from anm_gym.actions import FORWARD_STEP_M, MOVES, TURN_STEP_DEG, Action
 
 BLOCKED_M: Final = 0.02
 """A forward step that is shorter than this met an obstacle, metres."""
-MIN_TURNS: Final = 3
-"""Least number of turns after a bump: 30 degrees."""
-MAX_TURNS: Final = 18
-"""Largest number of turns after a bump: 180 degrees."""
-FULL_TURNS: Final = 36
-"""Number of turns all round, at 10 degrees each."""
-MAX_WALK: Final = 60
-"""Most steps between two looks round: 3.9 m."""
+BUMP_TURN_DEG: Final = (30.0, 180.0)
+"""Least and largest turn after a bump, degrees."""
+MAX_WALK_M: Final = 3.9
+"""Longest walk between two looks round, metres."""
 FORWARD_SHARES: Final = {"uniform": 1.0 / 3.0, "forward": 0.8}
 """Chance of a step forward; what remains goes to both turns alike. A turn of 10 degrees one way undoes one
 the other way, so `uniform` mostly looks about on the spot; `forward` gets somewhere (ours)."""
@@ -73,10 +69,12 @@ class BumpAndTurnPolicy:
 
     Args:
         seed: Seeds the angles; they start anew with each episode.
+        turn_step_deg: Angle of one turn, degrees.
     """
 
-    def __init__(self, seed: int = 0) -> None:
+    def __init__(self, seed: int = 0, turn_step_deg: float = TURN_STEP_DEG) -> None:
         self._seed = seed
+        self._turns = [max(1, round(angle / turn_step_deg)) for angle in BUMP_TURN_DEG]
         self._position: NDArray[np.float64] = np.zeros(2)
         self._walked = False
         self._restart()
@@ -93,7 +91,7 @@ class BumpAndTurnPolicy:
             self._restart()
         position = np.asarray(observation["gps"], np.float64).reshape(2)
         if self._walked and np.linalg.norm(position - self._position) < BLOCKED_M:
-            self._turns_left = int(self._rng.integers(MIN_TURNS, MAX_TURNS + 1))
+            self._turns_left = int(self._rng.integers(self._turns[0], self._turns[1] + 1))
             self._turn = Action.TURN_LEFT if self._rng.random() < 0.5 else Action.TURN_RIGHT
         self._position, self._walked = position, self._turns_left == 0
         if self._walked:
@@ -113,10 +111,19 @@ class SpinAndWalkPolicy:
 
     Args:
         seed: Seeds headings and lengths; they start anew with each episode.
+        forward_step_m: Length of one step, metres.
+        turn_step_deg: Angle of one turn, degrees.
     """
 
-    def __init__(self, seed: int = 0) -> None:
+    def __init__(
+        self,
+        seed: int = 0,
+        forward_step_m: float = FORWARD_STEP_M,
+        turn_step_deg: float = TURN_STEP_DEG,
+    ) -> None:
         self._seed = seed
+        self._full_turns = max(1, round(360.0 / turn_step_deg))
+        self._max_walk = max(1, round(MAX_WALK_M / forward_step_m))
         self._position: NDArray[np.float64] = np.zeros(2)
         self._walked = False
         self._turns_left = self._steps_left = 0
@@ -135,8 +142,8 @@ class SpinAndWalkPolicy:
         position = np.asarray(observation["gps"], np.float64).reshape(2)
         is_blocked = self._walked and np.linalg.norm(position - self._position) < BLOCKED_M
         if is_blocked or (self._turns_left == 0 and self._steps_left == 0):
-            self._turns_left = FULL_TURNS + int(self._rng.integers(FULL_TURNS))
-            self._steps_left = int(self._rng.integers(1, MAX_WALK + 1))
+            self._turns_left = self._full_turns + int(self._rng.integers(self._full_turns))
+            self._steps_left = int(self._rng.integers(1, self._max_walk + 1))
         self._position, self._walked = position, self._turns_left == 0
         if self._walked:
             self._steps_left -= 1

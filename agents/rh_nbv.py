@@ -162,7 +162,7 @@ class RhNbvGoalWrapper(GoalWrapper):
             looks = best_looks(tree, unseen, self.heading_rad, worth, self.rng)
             if looks or growth.iterations >= self.settings.max_iterations:
                 return tree, looks
-            growth = replace(growth, iterations=2 * growth.iterations)
+            growth = replace(growth, iterations=min(2 * growth.iterations, self.settings.max_iterations))
 
     def _shown_m3(self) -> float:
         """What the looks ahead would show now, cubic metres."""

@@ -1,5 +1,6 @@
 """Every agent by name: what a table's rows may be."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pkgutil import resolve_name
@@ -107,11 +108,19 @@ def _goals_of(wrapper: str, **options: Any) -> Builder:
 
 
 def _random(env: Env, preset: str, seed: int) -> tuple[Env, Any]:
-    return env, SpinAndWalkPolicy(seed) if preset == "spin" else RandomPolicy(seed, preset)
+    if preset != "spin":
+        return env, RandomPolicy(seed, preset)
+    return env, SpinAndWalkPolicy(seed, *_step_sizes(env))
 
 
 def _bump_and_turn(env: Env, _preset: str, seed: int) -> tuple[Env, Any]:
-    return env, BumpAndTurnPolicy(seed)
+    return env, BumpAndTurnPolicy(seed, _step_sizes(env)[1])
+
+
+def _step_sizes(env: Env) -> tuple[float, float]:
+    """Length of a step, metres, and angle of a turn, degrees."""
+    simulator = env.get_wrapper_attr("simulator")
+    return float(simulator.forward_step_m), math.degrees(simulator.turn_step_rad)
 
 
 def _fbe(env: Env, preset: str, seed: int) -> tuple[Env, Any]:

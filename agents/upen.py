@@ -72,8 +72,8 @@ PRESETS: Final = {
     ),
     "metres": UpenSettings(replan_steps=None, replan_m=2.5),
 }
-"""`strong`: the entropy of the members' mean instead of their variance, paths between 1.2 m and what the
-window holds, another one after 4 m, away from walls and failures (ours); `paper`: as published, with
+"""`strong`: the entropy of the members' mean instead of their variance, paths of three edges and more
+in the window, another one after 4 m, away from walls and failures (ours); `paper`: as published, with
 points drawn near the agent, which loses no path; `repo`: with the released code's lines beside the
 paths, points over the whole map and certainty for good; `metres`: `paper` with another path after
 2.5 m, as ten steps of 0.25 m are."""

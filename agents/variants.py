@@ -9,6 +9,7 @@ from typing import Final, get_args
 
 from agents.navigators import NAVIGATORS
 from anm_gym.map.presets import VARIANTS
+from anm_gym.map.settings import PerturbationFamily
 from anm_gym.map.targets import Criterion
 
 NAVIGATOR: Final = "nav="
@@ -21,6 +22,12 @@ SELECT_VARIANTS: Final = tuple(SELECT + name for name in get_args(Criterion))
 """One for every criterion of `anm_gym.map.targets`."""
 MAP_VARIANTS: Final = tuple(VARIANTS)
 """Substitutions in the neural map (Modules 1 and 4, and others)."""
+MAP_KINDS: Final = {
+    "a perturbation family": frozenset(get_args(PerturbationFamily)),
+    "a way to replay": frozenset(name for name in VARIANTS if name.endswith("_replay")),
+    "`relu`": frozenset({"relu"}),
+}
+"""Those of them that substitute the same part."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +74,7 @@ def substitutions(preset: str) -> Substitutions:
     """Take a preset apart by what its variants concern.
 
     Raises:
-        ValueError: If two variants name a navigator or a criterion.
+        ValueError: If two variants substitute the same part.
 
     Example:
         >>> substitutions("best+select=count+dropout").map_preset
@@ -76,6 +83,10 @@ def substitutions(preset: str) -> Substitutions:
     base, variants = split_variants(preset, [*MAP_VARIANTS, *SELECT_VARIANTS, *NAVIGATOR_VARIANTS])
     of_goals = [variant for variant in variants if not variant.startswith(NAVIGATOR)]
     of_map = [variant for variant in of_goals if not variant.startswith(SELECT)]
+    for kind, names in MAP_KINDS.items():
+        given = [variant for variant in of_map if variant in names]
+        if len(given) > 1:
+            raise ValueError(f"{kind} must be given once behind a preset, got {', '.join(given)}")
     criterion = _only(variants, SELECT)
     return Substitutions(
         base=base,

@@ -86,7 +86,8 @@ class LookSettings:
     min_gain_m3: float = 0.05
     """Looks that show less count nothing, cubic metres."""
     every_node: bool = False
-    """Look from every node but the first, to a drawn heading; else from where and to where it is best."""
+    """Look from every node, from the first ahead and from the others to a drawn heading; else from where and
+    to where it is best."""
     shares_views: bool = True
     """Count what an earlier look shows only once."""
     counts_turns: bool = True

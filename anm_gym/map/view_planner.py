@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from anm_gym.actions import STRAIGHT_TURNS
 from anm_gym.checks import check_at_least, check_positive
 from anm_gym.map.cloud import SurfaceCloud
 from anm_gym.map.neural_map import NeuralMap
@@ -61,7 +62,7 @@ class PlannerSettings:
     """Views from this close to where one was taken show nothing new, metres; no less than what counts as
     arrival, or else a view that shows nothing may be reached and chosen again without a step."""
     taken_angle_deg: float = 10.0
-    """How far the directions of such views may differ, degrees."""
+    """How far the directions of such views may differ, degrees; no less than what counts as arrival."""
 
     def __post_init__(self) -> None:
         check_positive(self, "place_spacing_m")
@@ -70,7 +71,8 @@ class PlannerSettings:
     def for_steps(self, forward_step_m: float, turn_step_rad: float) -> "PlannerSettings":
         """The same for an agent with other steps."""
         views = replace(self.views, forward_step_m=forward_step_m, turn_step_rad=turn_step_rad)
-        return replace(self, views=views)
+        arrival_deg = float(np.rad2deg(STRAIGHT_TURNS * turn_step_rad))
+        return replace(self, views=views, taken_angle_deg=max(self.taken_angle_deg, arrival_deg))
 
 
 class ViewPlanner:

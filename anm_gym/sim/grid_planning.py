@@ -21,6 +21,8 @@ Cell = tuple[int, int]
 """Row and column."""
 CONVERGED_CELLS: Final = 1e-3
 """`marching_distance` ends when no cell changes by more than this, cells."""
+ROUNDS_PER_CELL: Final = 2
+"""It ends after as many rounds as this for every row and column, if not before."""
 SAMPLES_PER_CELL: Final = 2
 """Points at which a straight line is tested, per cell of its length."""
 
@@ -99,18 +101,18 @@ def _way_back(before: dict[Cell, Cell], goal: Cell) -> NDArray[np.int64]:
 
 
 def marching_distance(
-    free: NDArray[np.bool_], cell_m: float, goal_cells: ArrayLike, max_rounds: int = 200
+    free: NDArray[np.bool_], cell_m: float, goal_cells: ArrayLike, max_rounds: int | None = None
 ) -> NDArray[np.float64]:
     """Distance to the nearest goal along any angle, as fast marching gives it.
 
     Distances over eight neighbours, up to 8 % too long, are lowered by the upwind update of the eikonal
-    equation until they no longer change; 4 % too long at most remain.
+    equation until they no longer change; farther than five cells from a goal, 4 % too long at most remain.
 
     Args:
         free: (rows, columns) cells to walk on.
         cell_m: Edge of a cell, metres.
         goal_cells: (K, 2) rows and columns.
-        max_rounds: Updates of all cells, at most.
+        max_rounds: Updates of all cells, at most; None for as many as corrections need to cross the raster.
 
     Returns:
         (rows, columns) float64 metres; infinite where there is no way.
@@ -123,7 +125,7 @@ def marching_distance(
     far = 4.0 * free.size
     distance = np.pad(np.where(reachable, graph, far), 1, constant_values=far)
     inner = distance[1:-1, 1:-1]
-    for _ in range(max_rounds):
+    for _ in range(ROUNDS_PER_CELL * sum(free.shape) if max_rounds is None else max_rounds):
         lower = np.minimum(inner, _upwind(distance))
         change = np.max(inner - lower, where=reachable, initial=0.0)
         inner[:] = np.where(reachable, lower, far)
@@ -148,7 +150,7 @@ class RrtSettings:
     iterations: int = 2500
     """Points that are drawn."""
     extension_m: float = 0.25
-    """Longest edge of the tree, metres."""
+    """Longest edge of a new point, metres; rewired, it may be as long as `neighbour_m`."""
     neighbour_m: float = 0.25
     """Largest distance of a neighbour that may become a parent, metres."""
     shrink_m: float = 1.0

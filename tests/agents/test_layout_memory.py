@@ -97,6 +97,7 @@ def test_agent_at_the_rim_of_the_map_sees_nothing_beyond(memory: LayoutMemory) -
     view = memory.view(np.array([9.9, 9.9, 0.0]))
     assert not view[:6].any()
     memory.visit(np.array([[100.0, 100.0]]))
+    assert not memory.visited.any()
 
 
 def test_frames_of_start_and_world_are_inverse(rng: np.random.Generator) -> None:

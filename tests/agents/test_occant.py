@@ -190,6 +190,29 @@ def test_episode_replays_under_its_seed(occant, anticipation: bool) -> None:
     assert Action.STOP not in episodes[0]
 
 
+@pytest.mark.parametrize(
+    ("forward_step_m", "turn_step_deg", "every"), [(0.065, 10.0, 5), (0.25, 10.0, 2), (0.065, 30.0, 2)]
+)
+def test_wider_steps_and_turns_bring_more_looks(
+    explore: Explore,
+    two_rooms: TriangleMesh,
+    weights,
+    forward_step_m: float,
+    turn_step_deg: float,
+    every: int,
+) -> None:
+    env = OccAntGoalWrapper(
+        explore(two_rooms, forward_step_m=forward_step_m, turn_step_deg=turn_step_deg), weights=weights(True)
+    )
+    env.reset(seed=0)
+    looks: list[int] = []
+    add = env.memory.add
+    env.memory.add = lambda *arguments: (looks.append(env._num_frames), add(*arguments))
+    for _ in range(10):
+        env.step(Action.TURN_LEFT)
+    assert looks == list(range(every, 11, every))
+
+
 def test_weights_must_fit_the_anticipation(explore: Explore, two_rooms: TriangleMesh, weights) -> None:
     with pytest.raises(ValueError, match="`weights` must be of a model with anticipation True, got False"):
         OccAntGoalWrapper(explore(two_rooms), anticipation=True, weights=weights(False))

@@ -92,6 +92,23 @@ def test_spin_looks_all_round_before_it_walks_and_after_a_bump() -> None:
     assert act(0.0) is Action.TURN_LEFT
 
 
+def test_angles_and_lengths_are_those_of_the_agent_s_steps() -> None:
+    """Turns of 30 degrees and steps of 25 cm: a look round is 12 to 23 turns, a walk 1 to 16 steps."""
+    spin, runs = SpinAndWalkPolicy(0, 0.25, 30.0), [[0, 0]]
+    for step in range(600):
+        action = Action(spin.predict({**SINGLE, "gps": np.array([0.25 * step, 0.0])})[0])
+        if action is Action.TURN_LEFT and runs[-1][1]:
+            runs.append([0, 0])
+        runs[-1][action is Action.MOVE_FORWARD] += 1
+    turns, walks = np.array(runs[:-1]).T
+    assert 12 <= turns.min() <= turns.max() <= 23
+    assert 1 <= walks.min() <= walks.max() <= 16
+    for seed in range(20):
+        bump = BumpAndTurnPolicy(seed, 30.0)
+        moves = [walk_to(bump, (0.0, 0.0)) for _ in range(8)]
+        assert 1 <= sum(move is not Action.MOVE_FORWARD for move in moves) <= 6
+
+
 def test_spin_gets_about_in_a_room(
     explore: Callable[..., ExploreEnv], box_room: Callable[..., TriangleMesh]
 ) -> None:

@@ -1,11 +1,13 @@
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from agents.rh_nbv import PRESETS, RhNbvGoalWrapper
+from agents.view_tree import ViewTree, grow_view_tree
 from anm_gym.actions import Action
 from anm_gym.envs.explore import ExploreEnv
 from anm_gym.map.unseen_volume import UnseenByCell
@@ -87,6 +89,24 @@ def test_branch_on_which_a_goal_failed_is_forgotten(turned: RhNbvGoalWrapper) ->
     branch = grow_hardly(turned)
     turned.report_unreachable("no way")
     assert gap_m(turned.goal, branch) > 0.1
+
+
+def test_tree_grows_to_its_limit_and_no_farther(
+    turned: RhNbvGoalWrapper, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    turned.settings = replace(
+        turned.settings, tree=replace(turned.settings.tree, iterations=30), max_iterations=200
+    )
+    sizes: list[int] = []
+
+    def grow(*arguments: Any) -> ViewTree:
+        sizes.append(arguments[3].iterations)
+        return grow_view_tree(*arguments)
+
+    monkeypatch.setattr("agents.rh_nbv.grow_view_tree", grow)
+    monkeypatch.setattr("agents.rh_nbv.best_looks", lambda *_: [])
+    turned.report_unreachable("again")
+    assert sizes == [30, 60, 120, 200]
 
 
 def test_tree_grows_until_a_look_shows_something(

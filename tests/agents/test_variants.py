@@ -51,7 +51,13 @@ def test_plus_inside_the_name_of_a_variant_does_not_split_it() -> None:
     assert substitutions("best+nav=ddppo+fallback").navigator == "ddppo+fallback"
 
 
-@pytest.mark.parametrize("preset", ["best+nav=oracle+nav=planner", "best+select=area+select=mean"])
+@pytest.mark.parametrize(
+    "preset",
+    [
+        *("best+nav=oracle+nav=planner", "best+select=area+select=mean", "best+dropout+laplace"),
+        *("best+no_replay+uniform_replay", "best+relu+relu"),
+    ],
+)
 def test_variants_of_one_kind_exclude_each_other(preset: str) -> None:
     with pytest.raises(ValueError, match="must be given once behind a preset, got"):
         parse_agent(f"anm:{preset}")

@@ -90,3 +90,9 @@ def test_surface_that_should_be_in_the_image_is_not_looked_for_again(
     assert doubting.plan(left_room, START, TO_THE_DOOR_RAD, rng) is None
     trusting = planner(SurfaceSettings(doubt_visibility=2.0))
     assert trusting.plan(left_room, START, TO_THE_DOOR_RAD, rng) is not None
+
+
+def test_view_that_counts_as_reached_counts_as_taken() -> None:
+    settings = PlannerSettings()
+    assert settings.for_steps(0.065, np.deg2rad(10.0)).taken_angle_deg == settings.taken_angle_deg
+    assert settings.for_steps(0.065, np.deg2rad(45.0)).taken_angle_deg == pytest.approx(0.51 * 45.0)
