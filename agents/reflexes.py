@@ -2,9 +2,10 @@
 
 A policy is drawn from a distribution, so a rare mistake happens once in a long episode. Five mistakes can
 be told from the observation alone: stopping where the goal is known to be out of reach of success, not
-stopping where it is at hand, walking again into what has just cut a step short, turning on the spot
-without end, and going about for long without coming nearer. An agent that does one of the last two is lost:
-it stops if it may, and else is led along the wave from its goal, away from the spot or nearer to the goal.
+stopping where it is at hand or as near as it gets, walking again into what has just cut a step short,
+turning on the spot without end, and going about for long without coming nearer. An agent that does one of
+the last two is lost: it stops if it may, and else is led along the wave from its goal, away from the spot
+or nearer to the goal.
 """
 
 from collections.abc import Mapping, Sequence
@@ -34,6 +35,8 @@ MAX_TURNS: Final = 24
 """Turns on one spot after which an agent is lost: two thirds of the way round, at 10 degrees a turn."""
 AWAY_M: Final = 1.5
 """An agent that turns on one spot is led until it is so far from there, metres."""
+LINGER_STEPS: Final = 24
+"""An agent that has been within the distance of success for so many steps is as near as it gets."""
 MAX_LED_STEPS: Final = 80
 """It is led no longer than this: what leads it may be wrong as well. For one that comes no nearer, which has
 farther to go, see `agents.patience`."""
@@ -64,7 +67,7 @@ class Reflexes:
         success_m: float = 0.2,
         turn_step_rad: float = DEFAULT_TURN_RAD,
     ) -> None:
-        self._turn_step_rad = turn_step_rad
+        self._turn_step_rad, self._success_m = turn_step_rad, success_m
         self._near_m = NEAR_SHARE * success_m
         steps_m = np.broadcast_to(np.asarray(forward_step_m), (num_agents,))
         self._stop_m = np.where(2.0 * steps_m < success_m, self._near_m, success_m)
@@ -73,6 +76,7 @@ class Reflexes:
         self._spot_xz = np.full((num_agents, 2), _FAR_M)
         self._turns = np.zeros(num_agents, np.int64)
         self._led_steps = np.zeros(num_agents, np.int64)
+        self._near_steps = np.zeros(num_agents, np.int64)
         self._patience = Patience(steps_m)
         self._last_turn = np.full(num_agents, _TURNS[0])
 
@@ -94,7 +98,7 @@ class Reflexes:
 
     def begin_goal(self, index: int) -> None:
         """Forget how often an agent has turned and how near it was; where it could not move stays known."""
-        self._turns[index] = 0
+        self._turns[index] = self._near_steps[index] = 0
         self._patience.begin_goal(index)
 
     def keep(self, agents: Sequence[int]) -> None:
@@ -103,6 +107,7 @@ class Reflexes:
         self._blocked_rad = [self._blocked_rad[agent] for agent in agents]
         self._turns, self._last_turn = self._turns[agents], self._last_turn[agents]
         self._led_steps, self._stop_m = self._led_steps[agents], self._stop_m[agents]
+        self._near_steps = self._near_steps[agents]
         self._patience.keep(agents)
 
     def update(
@@ -119,6 +124,7 @@ class Reflexes:
             previous: (N,) the actions that led there.
         """
         self._patience.update(distance_m)
+        self._near_steps += distance_m < self._success_m
         position_xz = world_from_camera[:, [0, 2], 3].astype(np.float64)
         moved = np.linalg.norm(position_xz - self._position_xz, axis=1) > MOVED_M
         for index in np.flatnonzero(moved):
@@ -151,11 +157,14 @@ class Reflexes:
 
         Returns:
             (N, actions) bool; one at least is always allowed. An agent that has arrived can but stop; one
-            with long steps may stop a little before, and one with short steps, which can go on, may not. A
-            lost agent that may stop does, and one that is led has no choice either.
+            with long steps may stop a little before, and one with short steps, which can go on, may not
+            unless it lingers there. A lost or lingering agent that may stop does, and one that is led has no
+            choice either.
         """
         allowed = np.ones((len(distance_m), len(Action)), bool)
-        allowed[:, int(Action.STOP)] = distance_m < self._stop_m
+        lingers = self._near_steps >= LINGER_STEPS
+        stop_m = np.where(lingers, self._success_m, self._stop_m)
+        allowed[:, int(Action.STOP)] = distance_m < stop_m
         for index, blocked in enumerate(self._blocked_rad):
             heading = heading_of(world_from_camera[index])
             if _is_among(heading, blocked):
@@ -167,7 +176,7 @@ class Reflexes:
         if ahead_m is None:
             for turn, back in (_TURNS, _TURNS[::-1]):
                 allowed[self._turns_about & (self._last_turn == turn), back] = False
-        must_stop = distance_m < np.where(self.lost, self._stop_m, self._near_m)
+        must_stop = distance_m < np.where(self.lost | lingers, stop_m, self._near_m)
         allowed[must_stop] = _ONLY[int(Action.STOP)]
         return allowed
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from agents.patience import PATIENCE_M
-from agents.reflexes import AWAY_M, MAX_LED_STEPS, MAX_TURNS, Reflexes
+from agents.reflexes import AWAY_M, LINGER_STEPS, MAX_LED_STEPS, MAX_TURNS, Reflexes
 from anm_gym.actions import Action
 from anm_gym.geometry import camera_pose
 
@@ -32,6 +32,20 @@ def test_agents_of_different_steps_stop_at_different_distances() -> None:
     assert reflexes.allowed(poses, NEAR.repeat(2))[:, STOP].tolist() == [True, False]
     reflexes.keep([1, 0])
     assert reflexes.allowed(poses, NEAR.repeat(2))[:, STOP].tolist() == [False, True]
+
+
+def test_agent_that_lingers_where_a_stop_succeeds_is_as_near_as_it_gets() -> None:
+    """Not in a row: in a pocket it goes to and fro. A new goal starts the count anew."""
+    reflexes, here, moves = Reflexes(1, 0.065), pose(0, 0, 0), [FORWARD, 2, 3]
+    for count in range(2 * LINGER_STEPS):
+        distance_m = NEAR if count % 2 == 0 else FAR
+        reflexes.update(pose(0.1 * count, 0, 0), distance_m, np.array([FORWARD]))
+        if distance_m is NEAR:
+            allowed = reflexes.allowed(here, NEAR)[0]
+            is_enough = count // 2 + 1 >= LINGER_STEPS
+            assert (bool(allowed[STOP]), bool(allowed[moves].any())) == (is_enough, not is_enough)
+    reflexes.begin_goal(0)
+    assert not reflexes.allowed(here, NEAR)[0, STOP]
 
 
 def test_heading_that_was_blocked_is_not_tried_again_before_the_agent_has_moved() -> None:
