@@ -94,11 +94,11 @@ class NavigatorRun:
         if self.progress.stage == IMITATION:
             with closing(self._logger()) as logger:
                 self._imitate(net, env, logger)
+                if not self.training.reinforcement.frames:
+                    return self._finish(net, logger)
+            self.progress.stage, self.progress.frames = REINFORCEMENT, 0
         with closing(self._logger()) as logger:
-            net = self._reinforce(net, env, logger).cpu()
-            if self.ranks.is_first:
-                self._finish(net, logger)
-        return net
+            return self._finish(self._reinforce(net, env, logger), logger)
 
     def _stage_seed(self) -> int:
         """Seed of the stage from here on: one that goes on does not draw again what it has drawn."""
@@ -122,13 +122,9 @@ class NavigatorRun:
                 logger.record("rollout/success_rate", _mean(recent, "is_success"))
                 logger.record("rollout/spl", _mean(recent, "spl"))
                 self.after_round(net, dagger.optimizer, step.frames, logger)
-        if self.training.reinforcement.frames:
-            self.progress.stage, self.progress.frames = REINFORCEMENT, 0
 
     def _reinforce(self, net: NavigatorNet, env: NavigationVecEnv, logger: Logger) -> NavigatorNet:
         settings = self.training.reinforcement
-        if settings.frames == 0:
-            return net
         monitored = VecMonitor(env, info_keywords=("is_success", "spl"))
         model = NavigatorPpo(
             monitored,
@@ -193,7 +189,11 @@ class NavigatorRun:
         for name, value in point.items():
             logger.record(f"eval/{name}", value)
 
-    def _finish(self, net: NavigatorNet, logger: Logger) -> None:
+    def _finish(self, net: NavigatorNet, logger: Logger) -> NavigatorNet:
+        """Write what the run came to; the first process does it for all."""
+        net = net.cpu()
+        if not self.ranks.is_first:
+            return net
         last = self.progress.curve[-1] if self.progress.curve else {}
         if (last.get("stage"), last.get("frames")) != (self.progress.stage, self.progress.frames):
             self._add_point(net, logger)
@@ -211,6 +211,7 @@ class NavigatorRun:
         write_json(self.folder / "policy.json", card)
         self.progress.stage = DONE
         self._checkpoint.save(net, torch.optim.Adam(net.parameters()), self.progress)
+        return net
 
     def _dump(self, logger: Logger) -> None:
         logger.record("time/total_timesteps", self.progress.frames, exclude="tensorboard")
