@@ -112,6 +112,7 @@ class ExploreEnv(MeshEnv):
             raise ValueError(f"`reward` must be one of {', '.join(REWARDS)}, got {reward!r}")
         self._seen_floor: SeenFloor | None = None
         self.is_rewarded = reward == "area"
+        """Whether newly seen floor is paid for."""
         super().__init__(MeshEnvSettings(scene=scene, render_mode=render_mode, **settings))
 
     def _option_names(self) -> tuple[str, ...]:
