@@ -84,8 +84,8 @@ def starts_for(
     for scene in protocol.scenes:
         known = table.get(scene.label)
         missing = [seed for seed in seeds if known is None or seed not in known.by_seed]
-        with suppress(SceneError):
-            if missing:
+        if missing:
+            with suppress(SceneError):
                 table = merged([table, {scene.label: draw_starts(scene, missing, env_options)}])
     labels = [scene.label for scene in protocol.scenes]
     chosen = {label: _of_seeds(table[label], seeds) for label in labels if label in table}

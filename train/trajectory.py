@@ -6,18 +6,13 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anm_gym.metrics.curves import path_length_m
-
-_HEADER: Final = (
-    *("scene", "seed", "env_options", "scene_hash", "goal_reasons", "failure_reasons", "surface_m2"),
-)
-"""What a file names beside its arrays."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +68,16 @@ class Trajectory:
         """Write an .npz of plain arrays; the file appears whole or not at all."""
         path.parent.mkdir(parents=True, exist_ok=True)
         partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-        header = {name: getattr(self, name) for name in _HEADER}
+        names = (
+            "scene",
+            "seed",
+            "env_options",
+            "scene_hash",
+            "surface_m2",
+            "goal_reasons",
+            "failure_reasons",
+        )
+        header = {name: getattr(self, name) for name in names}
         curves: dict[str, Any] = {f"curve_{name}": values for name, values in self.curves.items()}
         with partial.open("wb") as file:
             np.savez_compressed(

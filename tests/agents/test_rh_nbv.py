@@ -64,9 +64,14 @@ def test_branch_that_shows_less_than_promised_is_given_up(explore: Explore, two_
     assert len(env.goals) > before
 
 
+def limit_growth(env: RhNbvGoalWrapper, iterations: int, max_iterations: int) -> None:
+    tree = replace(env.settings.tree, iterations=iterations)
+    env.settings = replace(env.settings, tree=tree, max_iterations=max_iterations)
+
+
 def grow_hardly(env: RhNbvGoalWrapper) -> list[NDArray[np.float64]]:
     """Let trees be little more than the branch that they go on from; give that branch."""
-    env.settings = replace(env.settings, tree=replace(env.settings.tree, iterations=1), max_iterations=1)
+    limit_growth(env, 1, 1)
     return env._branch
 
 
@@ -94,9 +99,7 @@ def test_branch_on_which_a_goal_failed_is_forgotten(turned: RhNbvGoalWrapper) ->
 def test_tree_grows_to_its_limit_and_no_farther(
     turned: RhNbvGoalWrapper, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    turned.settings = replace(
-        turned.settings, tree=replace(turned.settings.tree, iterations=30), max_iterations=200
-    )
+    limit_growth(turned, 30, 200)
     sizes: list[int] = []
 
     def grow(*arguments: Any) -> ViewTree:
@@ -112,9 +115,7 @@ def test_tree_grows_to_its_limit_and_no_farther(
 def test_tree_grows_until_a_look_shows_something(
     turned: RhNbvGoalWrapper, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    turned.settings = replace(
-        turned.settings, tree=replace(turned.settings.tree, iterations=10), max_iterations=80
-    )
+    limit_growth(turned, 10, 80)
     sizes: list[int] = []
     least = 30
 
