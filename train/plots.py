@@ -148,17 +148,17 @@ def reliability_figure(curves: Mapping[str, NDArray[np.float64]], path: Path) ->
     Returns:
         `path`.
     """
-    result, (axes,) = figure(1, width_in=5.6, height_in=4.6)
+    result, (axes,) = figure(1, width_in=7.6, height_in=4.6)
     axes.axline((1.0, 1.0), (10.0, 10.0), color=_TEXT, linewidth=1.0, linestyle=":", label="as predicted")
     for index, (name, curve) in enumerate(curves.items()):
         std_cm, error_cm = 100.0 * np.maximum(curve, _SMALLEST_M).T
-        color = PALETTE[index % len(PALETTE)]
-        axes.plot(std_cm, error_cm, color=color, linewidth=2.0, marker="o", markersize=4.5, label=name)
+        color, line = PALETTE[index % len(PALETTE)], ("-", "--")[index // len(PALETTE) % 2]
+        axes.plot(std_cm, error_cm, line, color=color, linewidth=2.0, marker="o", markersize=4.5, label=name)
     for name, values in zip("xy", np.concatenate(list(curves.values())).T, strict=True):
         _make_logarithmic(axes, name, 100.0 * np.maximum(values, _SMALLEST_M))
     axes.set_xlabel("predicted standard deviation (cm)")
     axes.set_ylabel("root mean square error (cm)")
-    axes.legend(frameon=False, fontsize=9)
+    axes.legend(frameon=False, fontsize=9, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return _save(result, path)
 
 
