@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from agents.goal_wave import GoalWave, GoalWaveSettings, cell_centers, straight_distances, wave_seeds
 from agents.way_out import AHEAD_OFFSETS, WayOutSettings, distances_ahead, prices
 from anm_gym.actions import Action
+from anm_gym.checks import check_positive
 from anm_gym.geometry import CameraSpec
 
 FREE: Final = np.uint8(1)
@@ -67,6 +68,15 @@ class EgoMemorySettings:
             raise ValueError(
                 f"`behind_share` must have one number for each of {len(self.cell_m)} maps, "
                 f"got {self.behind_share}"
+            )
+        check_positive(self, "free_range_m", "ray_step_m")
+        if not all(cell_m > 0.0 for cell_m in self.cell_m):
+            raise ValueError(f"`cell_m` must have numbers > 0, got {self.cell_m}")
+        reach = 2 * (int(np.abs(AHEAD_OFFSETS).max() / self.cell_m[0]) + 2)
+        if self.way_out.window_cells < reach:
+            raise ValueError(
+                f"`way_out.window_cells` must be >= {reach}, to hold the points ahead of an agent, "
+                f"got {self.way_out.window_cells}"
             )
         widest = max(self.crop_cells, self.wave.window_cells, self.way_out.window_cells)
         if self.grid_cells & (self.grid_cells - 1) or self.grid_cells < widest:

@@ -11,6 +11,7 @@ from typing import Final, final
 import numpy as np
 from numpy.typing import NDArray
 
+from anm_gym.checks import check_at_least, check_positive
 from anm_gym.sim.geodesic import GridGraph
 
 DRIFT_SHARE: Final = 10
@@ -31,6 +32,11 @@ class GoalWaveSettings:
     """Price of a metre through blocked cells: finite, so that a goal behind furniture has a distance."""
     every_steps: int = 4
     """Steps between two waves of an agent; agents take turns."""
+
+    def __post_init__(self) -> None:
+        check_positive(self, "cell_m", "blocked_cost")
+        check_at_least(self, 1, "every_steps")
+        check_at_least(self, 2, "window_cells")
 
 
 @final

@@ -85,7 +85,7 @@ class DepthResNet(nn.Module):
                 else:
                     layers.append(BasicBlock(channels, inner, stride))
                     channels = inner
-        side = -(-image_px // 64)
+        side = -(-(image_px // 2) // 32)
         compressed = max(1, round(COMPRESSED_SIZE / side**2))
         layers += [nn.Conv2d(channels, compressed, 3, padding=1, bias=False), nn.GroupNorm(1, compressed)]
         layers += [nn.ReLU(), nn.Flatten(), nn.Linear(compressed * side**2, features), nn.ReLU()]

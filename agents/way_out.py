@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from agents.goal_wave import spread_wave
+from anm_gym.checks import check_positive
 
 NUM_HEADINGS: Final = 36
 """Headings in which an agent may be led: as far apart as a turn goes."""
@@ -40,6 +41,9 @@ class WayOutSettings:
     """Price where a step was cut short: something is there, but a gap may be beside it."""
     beside_cost: float = 3.0
     """Price beside occupied cells, which the body may touch."""
+
+    def __post_init__(self) -> None:
+        check_positive(self, "blocked_cost", "contact_cost", "beside_cost")
 
 
 def prices(

@@ -3,9 +3,14 @@
 import json
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
-SETTINGS_FILE = "settings.json"
+from filelock import FileLock, Timeout
+
+SETTINGS_FILE: Final = "settings.json"
+LOCK_FILE: Final = "run.lock"
+"""Locked, by the operating system, while a run is under way; an unlocked one means nothing."""
+_held: Final[dict[Path, FileLock]] = {}
 
 
 def claim_folder(
@@ -14,7 +19,8 @@ def claim_folder(
     """Write the settings into a new folder, or check that they are those of the run that is there.
 
     The file appears whole or not at all, so neither a kill nor another process finds half of it. It is
-    written once, and again only if a setting that may change has changed.
+    written once, and again only if a setting that may change has changed. The process that writes holds the
+    folder until it ends, whatever ends it.
 
     Args:
         folder: The folder; it is made.
@@ -23,10 +29,12 @@ def claim_folder(
         writes: Whether this process is the one that writes.
 
     Raises:
-        ValueError: If the folder holds a run with other settings.
+        ValueError: If the folder holds a run with other settings, or another process holds it.
     """
     path, text = folder / SETTINGS_FILE, json.dumps(settings, indent=2) + "\n"
     folder.mkdir(parents=True, exist_ok=True)
+    if writes:
+        _hold(folder)
     if path.exists():
         others = _differing(json.loads(text), read_settings(folder))
         if refused := [name for name in others if name not in may_change]:
@@ -42,14 +50,36 @@ def claim_folder(
         partial.replace(path)
 
 
+def _hold(folder: Path) -> None:
+    """Keep other processes from writing here for as long as this one lives."""
+    path = folder.resolve() / LOCK_FILE
+    lock = _held.setdefault(path, FileLock(path, thread_local=False))
+    if lock.is_locked:
+        return
+    try:
+        lock.acquire(timeout=0)
+    except Timeout:
+        raise ValueError(
+            f"`out` must be a folder that no other process writes to, got {str(folder)!r}, where a run is "
+            "under way; wait for it or end it (workers may outlive a `torchrun` that was killed)"
+        ) from None
+
+
 def read_settings(folder: Path) -> dict[str, Any]:
     """Read the settings of the run in a folder, as JSON gives them.
 
     Raises:
         FileNotFoundError: If the folder holds no run.
+        ValueError: If the file does not hold settings.
     """
-    settings: dict[str, Any] = json.loads((folder / SETTINGS_FILE).read_text(encoding="utf-8"))
-    return settings
+    path = folder / SETTINGS_FILE
+    try:
+        return dict(json.loads(path.read_text(encoding="utf-8")))
+    except (ValueError, TypeError) as error:
+        raise ValueError(
+            f"{path} must hold the settings of a run as a JSON object, got {error}; restore the file, or "
+            "choose another folder"
+        ) from error
 
 
 def _differing(asked: Mapping[str, Any], found: Mapping[str, Any]) -> list[str]:

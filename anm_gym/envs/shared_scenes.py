@@ -13,6 +13,7 @@ from weakref import WeakKeyDictionary, WeakValueDictionary
 
 from anm_gym.geometry import CameraSpec
 from anm_gym.scenes.catalog import HOME_PREFIX, make_scene, takes_options
+from anm_gym.scenes.datasets import find_scene, is_dataset_scene
 from anm_gym.scenes.scene import Scene
 from anm_gym.sim.simulator import Simulator
 from anm_gym.sim.traversable import TraversableGrid
@@ -21,7 +22,8 @@ NUM_SCENES = 8
 """How many scenes a process keeps beside those that environments are in."""
 
 Options = tuple[tuple[str, Any], ...]
-SceneKey = tuple[str, Options, int]
+Version = tuple[str, int] | None
+SceneKey = tuple[str, Options, Version]
 _in_use: Final[WeakValueDictionary[SceneKey, Scene]] = WeakValueDictionary()
 _worlds: Final[WeakKeyDictionary[Scene, dict[tuple[CameraSpec, str, str], Simulator]]] = WeakKeyDictionary()
 _grids: Final[WeakKeyDictionary[Scene, TraversableGrid]] = WeakKeyDictionary()
@@ -38,7 +40,7 @@ def shared_scene(name: str, options: Mapping[str, Any] | None = None) -> Scene:
         SceneError: If the scene cannot be used.
     """
     chosen = options if options and takes_options(name) else {}
-    key = (str(name), tuple(sorted(chosen.items())), _last_change_ns(str(name)))
+    key = (str(name), tuple(sorted(chosen.items())), _version(str(name), chosen))
     scene = _in_use.get(key)
     if scene is None:
         scene = _in_use[key] = _make(*key)
@@ -91,11 +93,14 @@ def shared_grid(scene: Scene) -> TraversableGrid:
     return _grids[scene]
 
 
-def _last_change_ns(name: str) -> int:
-    path = Path(name)
-    return 0 if name.startswith(HOME_PREFIX) or not path.is_file() else path.stat().st_mtime_ns
+def _version(name: str, options: Mapping[str, Any]) -> Version:
+    """Which file a name stands for, and when that was changed; None for a home, which never does."""
+    if name.startswith(HOME_PREFIX):
+        return None
+    path = find_scene(name, options.get("root")) if is_dataset_scene(name) else Path(name)
+    return (str(path), path.stat().st_mtime_ns) if path.is_file() else None
 
 
 @lru_cache(maxsize=NUM_SCENES)
-def _make(name: str, options: Options, _changed_ns: int) -> Scene:
+def _make(name: str, options: Options, _version: Version) -> Scene:
     return make_scene(name, **dict(options))

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from anm_gym.errors import AnmError
 from anm_gym.scenes.axes import METRES_PER_UNIT, UP_AXES
-from anm_gym.scenes.catalog import HOME_PREFIX, make_scene
+from anm_gym.scenes.catalog import make_scene, takes_options
 from anm_gym.scenes.datasets import is_dataset_scene, load_dataset_scene
 from anm_gym.scenes.load import LoadedScene, load_with_record
 from anm_gym.scenes.report import MeshReport, mesh_report
@@ -37,9 +37,10 @@ def _parser() -> argparse.ArgumentParser:
         help="mesh (.glb .gltf .obj .ply .stl), floor plan (.json), home:<tier>:<seed>, or gibson:, mp3d:, "
         "hm3d: or replica:<scene> under $ANM_SCENES",
     )
-    parser.add_argument("--up-axis", choices=UP_AXES, default="auto", help="up axis of a mesh file")
-    parser.add_argument("--unit", choices=tuple(METRES_PER_UNIT), default="m", help="unit of a mesh file")
-    parser.add_argument("--storey", type=int, help="index from the lowest; default: the largest")
+    mesh = parser.add_argument_group("mesh files only", argument_default=argparse.SUPPRESS)
+    mesh.add_argument("--up-axis", choices=UP_AXES, help="up axis; default: auto")
+    mesh.add_argument("--unit", choices=tuple(METRES_PER_UNIT), help="unit; default: m")
+    mesh.add_argument("--storey", type=int, help="index from the lowest; default: the largest")
     parser.add_argument(
         "--picture", type=Path, metavar="PNG", help="draw the storey from above into this file"
     )
@@ -60,10 +61,14 @@ def _examine(options: argparse.Namespace) -> None:
 
 
 def _load(options: argparse.Namespace) -> Scene | LoadedScene:
-    if options.file.startswith(HOME_PREFIX) or options.file.lower().endswith(".json"):
+    given = {name: getattr(options, name) for name in ("up_axis", "unit", "storey") if name in options}
+    if not takes_options(options.file):
+        if given:
+            names = ", ".join(f"--{name.replace('_', '-')}" for name in given)
+            raise ValueError(f"{options.file} must come without {names}; only mesh files take any")
         return make_scene(options.file)
     load = load_dataset_scene if is_dataset_scene(options.file) else load_with_record
-    return load(options.file, up_axis=options.up_axis, unit=options.unit, storey=options.storey)
+    return load(options.file, **given)
 
 
 def _write_json(report: MeshReport, path: Path) -> None:

@@ -25,6 +25,7 @@ _THINNEST_M: Final = 60.0
 _SHORTEST_M: Final = 1.0
 _ROOM_HEIGHT_M: Final = 2.7
 _BUILDING_M: Final = 10.0
+_LEAST_FACING: Final = 0.02
 
 
 def default_up_axis(path: str | Path) -> str:
@@ -96,6 +97,22 @@ def flat_area_peaks_m2(mesh: TriangleMesh) -> NDArray[np.float64]:
         for axis in range(3)
     ]
     return np.array(areas)
+
+
+def stands_upright(mesh: TriangleMesh) -> bool:
+    """Tell whether what stands in a mesh faces two ways, as walls around a room do.
+
+    Walls without a floor, laid on a side, do not: two of them then are floor and ceiling.
+
+    Args:
+        mesh: Mesh with y up, as is assumed. One in which nothing stands has nothing against it.
+
+    Source:
+        Ours.
+    """
+    is_standing = np.abs(mesh.normals[:, 1]) < 0.1
+    facing_m2 = mesh.areas_m2[is_standing] @ mesh.normals[is_standing][:, [0, 2]] ** 2
+    return bool(facing_m2.min() >= _LEAST_FACING * facing_m2.max())
 
 
 def y_up(mesh: TriangleMesh, up_axis: str) -> TriangleMesh:

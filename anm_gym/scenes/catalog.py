@@ -53,8 +53,12 @@ def _make_home(name: str) -> Scene:
     tier, _, seed = name.removeprefix(HOME_PREFIX).partition(":")
     if tier not in TIERS:
         raise SceneError(f"the tier in {name!r} must be one of {', '.join(TIERS)}, got {tier!r}")
-    if not (seed.isascii() and seed.isdigit()):
-        raise SceneError(f"the seed in {name!r} must be an integer >= 0, got {seed!r}; e.g. 'home:{tier}:7'")
+    # One home has one name: rows and files of it would not be taken for each other otherwise.
+    if not (seed.isascii() and seed.isdigit() and seed == str(int(seed))):
+        raise SceneError(
+            f"the seed in {name!r} must be an integer >= 0 without leading zeros, got {seed!r}; "
+            f"e.g. 'home:{tier}:7'"
+        )
     return make_home(tier, int(seed))
 
 

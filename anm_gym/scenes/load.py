@@ -13,6 +13,7 @@ from anm_gym.scenes.axes import (
     default_up_axis,
     flat_area_peaks_m2,
     in_metres,
+    stands_upright,
     y_up,
 )
 from anm_gym.scenes.cleaning import CleanMesh, clean_mesh
@@ -105,9 +106,9 @@ def _upright(cleaned: CleanMesh, file: Path) -> tuple[CleanMesh, tuple[Storey, .
     usual = y_up(cleaned.mesh, axis)
     storeys = find_storeys(usual)
     area_m2 = dict(zip("xyz", flat_area_peaks_m2(cleaned.mesh).tolist(), strict=True))
-    if storeys and area_m2[axis] >= area_m2[other]:
-        return replace(cleaned, mesh=usual), storeys
     turned = y_up(cleaned.mesh, other)
+    if area_m2[axis] >= area_m2[other] or not stands_upright(turned):
+        return replace(cleaned, mesh=usual), storeys
     other_storeys = find_storeys(turned)
     if not _is_more_plausible(other_storeys, storeys):
         return replace(cleaned, mesh=usual), storeys

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from anm_gym.geometry import CameraSpec
 from anm_gym.mesh import TriangleMesh
-from anm_gym.sim.backends import make_depth_camera
+from anm_gym.sim.backends import cpu_backend, make_depth_camera
 from anm_gym.sim.camera import DepthCamera
 from anm_gym.sim.traversable import TraversableGrid
 
@@ -42,7 +42,7 @@ class Surroundings:
 
 def make_probe(mesh: TriangleMesh) -> DepthCamera:
     """Build the ray caster that `probe_surroundings` needs, once per mesh."""
-    return make_depth_camera(mesh, CameraSpec(width_px=1, height_px=1))
+    return make_depth_camera(mesh, CameraSpec(width_px=1, height_px=1), backend=cpu_backend())
 
 
 def probe_surroundings(

@@ -3,6 +3,7 @@
 What the numbers mean (unit, up axis) and whether they are sound is left to `cleaning` and `axes`.
 """
 
+import itertools
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -51,6 +52,7 @@ def read_triangles(path: str | Path) -> RawMesh:
     """
     file = _checked_file(Path(path))
     parts = list(_parts_of(_parse(file), file))
+    _check_count(file, sum(len(part.faces) for part in parts))
     sizes = np.cumsum([0] + [len(part.vertices) for part in parts[:-1]])
     return RawMesh(
         np.concatenate([part.vertices for part in parts]),
@@ -117,6 +119,21 @@ def _parse(path: Path) -> trimesh.Scene:
         raise SceneError(
             f"{path} cannot be read as {path.suffix} ({reason}); it may be truncated: copy or export it again"
         ) from error
+
+
+def _check_count(path: Path, num_faces: int) -> None:
+    """Refuse a PLY file with fewer faces than its header says: its parser takes what is there."""
+    if path.suffix.lower() != ".ply":
+        return
+    with path.open("rb") as file:
+        head = itertools.takewhile(lambda line: line.strip() != b"end_header", file)
+        words = [line.split() for line in head]
+    promised = next((int(line[2]) for line in words if line[:2] == [b"element", b"face"]), 0)
+    if num_faces < promised:
+        raise SceneError(
+            f"{path} must hold the {promised} faces that its header names, got {num_faces}; "
+            "it may be truncated: copy or export it again"
+        )
 
 
 def _parts_of(scene: trimesh.Scene, path: Path) -> Iterator[RawMesh]:

@@ -1,11 +1,18 @@
 """Which depth camera a name stands for; back ends are imported when they are asked for."""
 
+from importlib.util import find_spec
+
 from anm_gym.geometry import CameraSpec
 from anm_gym.mesh import TriangleMesh
 from anm_gym.sim.camera import DepthCamera
 
 BACKENDS = ("embree", "warp")
 """Names of the depth cameras."""
+
+
+def cpu_backend() -> str:
+    """Name what casts rays on the CPU: Embree, or Warp where there is no Embree, as on ARM."""
+    return "embree" if find_spec("embreex") else "warp"
 
 
 def make_depth_camera(

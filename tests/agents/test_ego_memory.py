@@ -1,9 +1,14 @@
 """The maps around an agent: what a hand-made image leaves in them, and where."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
 
 from agents.ego_memory import BLOCKED, FREE, OCCUPIED, VISITED, EgoMemory, EgoMemorySettings, lattice_offsets
+from agents.goal_wave import GoalWaveSettings
+from agents.way_out import WayOutSettings
 from anm_gym.actions import Action
 from anm_gym.geometry import CameraSpec, camera_pose
 
@@ -99,3 +104,32 @@ def test_grid_that_windows_do_not_fit_on_is_refused(grid_cells: int) -> None:
         ValueError, match=f"power of two and at least 192, the widest window, got {grid_cells}"
     ):
         EgoMemorySettings(grid_cells=grid_cells)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: GoalWaveSettings(cell_m=0.0), "`cell_m` must be > 0, got 0.0"),
+        (lambda: GoalWaveSettings(every_steps=0), "`every_steps` must be >= 1, got 0"),
+        (lambda: GoalWaveSettings(window_cells=0), "`window_cells` must be >= 2, got 0"),
+        (lambda: WayOutSettings(contact_cost=0.0), "`contact_cost` must be > 0, got 0.0"),
+        (lambda: EgoMemorySettings(cell_m=(0.1, 0.0)), r"`cell_m` must have numbers > 0, got \(0.1, 0.0\)"),
+        (lambda: EgoMemorySettings(ray_step_m=0.0), "`ray_step_m` must be > 0, got 0.0"),
+        (
+            lambda: EgoMemorySettings(way_out=WayOutSettings(window_cells=10)),
+            "`way_out.window_cells` must be >= 12, to hold the points ahead of an agent, got 10",
+        ),
+    ],
+)
+def test_sizes_with_which_an_agent_would_be_lost_are_refused(make: Callable[[], Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+def test_smallest_window_holds_the_points_ahead_of_an_agent() -> None:
+    memory = EgoMemory(1, CAMERA, EgoMemorySettings(way_out=WayOutSettings(window_cells=12)))
+    agent = np.array([0])
+    for x in np.linspace(0.0, 0.1, 7):
+        memory.update(wall_ahead(0.0), pose(x, x, x), HEIGHT, OTHER, STEP)
+        memory.waves(pose(x, x, x), np.array([[x, x - 2.0]], np.float32))
+        assert np.isfinite(memory.ahead(pose(x, x, x), agent)).all()

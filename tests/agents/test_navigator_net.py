@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from agents.navigator_net import SMALLEST_CROP, NavigatorNet, NavigatorNetSettings, run_lstm, step_lstm
+from agents.resnet import DepthResNet
 
 
 def observation_of(count: int, settings: NavigatorNetSettings, seed: int = 0) -> dict[str, Tensor]:
@@ -118,3 +119,9 @@ def test_wave_may_be_wider_at_work_but_never_narrower() -> None:
     assert at_work.window_cells > wave.window_cells
     assert settings.at_work().at_work() == settings.at_work()
     assert settings.at_work().image_px == settings.image_px
+
+
+@pytest.mark.parametrize("image_px", [36, 64, 65, 66, 100, 127, 128])
+def test_residual_encoder_takes_images_of_any_size(image_px: int) -> None:
+    encoder = DepthResNet("resnet18", image_px, width=16)
+    assert encoder(torch.zeros(2, 1, image_px, image_px)).shape == (2, 512)

@@ -35,6 +35,25 @@ def test_changed_file_is_read_again(
     assert shared_scene(name, Y_UP).mesh.bounds[1, 0] == pytest.approx(before.mesh.bounds[1, 0] + 1.0)
 
 
+def test_changed_file_of_a_dataset_is_read_again(
+    box_room: Callable[..., TriangleMesh], write_mesh: Callable[[TriangleMesh, Path], str], tmp_path: Path
+) -> None:
+    for root, width_m in (("one", 5.0), ("two", 6.0)):
+        (tmp_path / root / "gibson").mkdir(parents=True)
+        write_mesh(box_room(width_m=width_m), tmp_path / root / "gibson" / "Box.glb")
+    one, two = ({"up_axis": "y", "root": str(tmp_path / root)} for root in ("one", "two"))
+    assert shared_scene("gibson:Box", one) is shared_scene("gibson:Box", one)
+    assert width_of("gibson:Box", two) == pytest.approx(width_of("gibson:Box", one) + 1.0)
+    write_mesh(box_room(width_m=7.0), tmp_path / "one" / "gibson" / "Box.glb")
+    os.utime(tmp_path / "one" / "gibson" / "Box.glb", (1, 1))
+    assert width_of("gibson:Box", one) == pytest.approx(width_of("gibson:Box", two) + 1.0)
+
+
+def width_of(name: str, options: dict[str, str]) -> float:
+    low, high = shared_scene(name, options).mesh.bounds[:, 0]
+    return float(high - low)
+
+
 def test_grid_of_a_scene_is_made_once_and_is_the_environments(
     box_room: Callable[..., TriangleMesh], write_mesh: Callable[[TriangleMesh, Path], str], tmp_path: Path
 ) -> None:

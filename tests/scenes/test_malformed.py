@@ -98,6 +98,15 @@ def test_truncated_file_is_refused(tmp_path: Path, room: TriangleMesh, share: fl
         load_scene(tmp_path / "room.glb")
 
 
+@pytest.mark.parametrize("share", [0.8, 0.9, 0.97])
+def test_truncated_text_is_refused(tmp_path: Path, room: TriangleMesh, share: float) -> None:
+    content = ply(room.vertices, room.faces)
+    lines = content.splitlines(keepends=True)
+    (tmp_path / "room.ply").write_bytes(b"".join(lines[: int(share * len(lines))]))
+    with pytest.raises(SceneError, match=r"must hold the 12 faces .*got \d+; it may be truncated"):
+        load_scene(tmp_path / "room.ply", up_axis="y")
+
+
 def _walls_only(room: TriangleMesh) -> TriangleMesh:
     is_wall = np.abs(room.normals[:, 1]) < 0.5
     return TriangleMesh(room.vertices, room.faces[is_wall])
@@ -132,13 +141,16 @@ MESHES: dict[str, tuple[Callable[[TriangleMesh], TriangleMesh], str]] = {
 }
 
 
+@pytest.mark.parametrize("up_axis", ["y", "auto"])
 @pytest.mark.parametrize("case", MESHES)
-def test_mesh_on_which_nobody_can_stand_is_refused(tmp_path: Path, room: TriangleMesh, case: str) -> None:
+def test_mesh_on_which_nobody_can_stand_is_refused(
+    tmp_path: Path, room: TriangleMesh, case: str, up_axis: str
+) -> None:
     make, message = MESHES[case]
     mesh = make(room)
     (tmp_path / "room.glb").write_bytes(glb(mesh.vertices, mesh.faces))
     with pytest.raises(SceneError, match=message):
-        load_scene(tmp_path / "room.glb", up_axis="y")
+        load_scene(tmp_path / "room.glb", up_axis=up_axis)
 
 
 def test_metres_taken_for_centimetres_are_told(tmp_path: Path, room: TriangleMesh) -> None:

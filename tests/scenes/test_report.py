@@ -1,6 +1,7 @@
 """The mesh report: counts and shares that can be worked out by hand, warnings, table, picture, command."""
 
 import json
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import trimesh
 from PIL import Image
 
 from anm_gym.mesh import TriangleMesh
-from anm_gym.scenes import Scene, Storey, mesh_report
+from anm_gym.scenes import Scene, Storey, load_scene, mesh_report
 from anm_gym.scenes.__main__ import main
 from anm_gym.scenes.advice import MANY_TRIANGLES, suspected_unit
 from anm_gym.scenes.picture import draw_storey
@@ -165,3 +166,18 @@ def test_command_prints_the_table_and_writes_json_and_picture(
 def test_command_tells_what_is_wrong_and_fails(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([str(tmp_path / "none.glb")]) == 1
     assert "error: scene file" in capsys.readouterr().err
+
+
+def test_command_refuses_options_that_would_do_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["home:studio:0", "--unit", "m", "--storey", "0"]) == 1
+    assert (
+        "home:studio:0 must come without --unit, --storey; only mesh files take any"
+        in capsys.readouterr().err
+    )
+
+
+def test_scene_is_examined_where_there_is_no_embree(room_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    expected = load_scene(room_file).storeys
+    monkeypatch.setattr("anm_gym.sim.backends.find_spec", lambda _: None)
+    monkeypatch.setitem(sys.modules, "embreex.mesh_construction", None)
+    assert load_scene(room_file).storeys == expected

@@ -155,7 +155,7 @@ def expand_scenes(names: Sequence[str]) -> list[str]:
         names: Scenes; ``home:studio:3-5`` stands for three homes.
 
     Raises:
-        ValueError: If none is left.
+        ValueError: If there is none, or a range is empty.
 
     Example:
         >>> expand_scenes(["flat.glb", "home:studio:3-5"])
@@ -168,9 +168,11 @@ def expand_scenes(names: Sequence[str]) -> list[str]:
             result.append(name)
         else:
             first, last = int(match["first"]), int(match["last"])
+            if first > last:
+                raise ValueError(f"a range of `scenes` must rise, got {name!r}")
             result += [f"{match['stem']}{number}" for number in range(first, last + 1)]
     if not result:
-        raise ValueError(f"`scenes` must name at least one, got {', '.join(names) or 'none'}")
+        raise ValueError("`scenes` must name at least one, got none")
     return result
 
 

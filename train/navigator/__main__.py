@@ -22,7 +22,9 @@ TRAINING: Final = frozenset(
     | {*CHANGES}
 )
 """Options that a comparison does not have."""
-COMPARISON: Final = frozenset({"navigators", "scenes", "episodes", "step_m", "argmax", "workers", "json"})
+COMPARISON: Final = frozenset(
+    {"navigators", "scenes", "episodes", "step_m", "argmax", "scene_options", "workers", "json"}
+)
 """Options that training does not have."""
 QUICK_EPISODES: Final = 8
 """Episodes of every navigator in a quick comparison, if there are no more scenes."""
@@ -102,6 +104,7 @@ def _comparison(options: dict[str, Any], given: dict[str, Any]) -> NavigationCom
         episodes=max(QUICK_EPISODES, len(scenes)) if is_short else options["episodes"],
         step_m=options["step_m"],
         deterministic=options["argmax"],
+        scene_options=options["scene_options"] or {},
         workers=options["workers"],
         out=Path(options["out"]),
     )
@@ -131,6 +134,7 @@ def _add_comparison(parser: ArgumentParser) -> None:
     add("--episodes", type=int, default=100, help="episodes of every navigator, spread over the scenes")
     add("--step-m", type=float, default=0.065, help="length of a forward step, metres")
     add("--argmax", action=flag, default=False, help="likeliest actions")
+    add("--scene-options", type=dict | None, default=None, help="keywords for mesh files, such as unit")
     add("--workers", type=int, default=2, help="processes of a comparison; 0 stays in this one")
     add("--json", default=None, help="write the printed table to this file")
 

@@ -1,6 +1,6 @@
 """Point-goal episodes played by navigators: learned ones many at a time, the others one by one."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -28,6 +28,8 @@ class NavigationEpisode:
     """Seeds start and goal."""
     step_m: float
     """Length of a forward step, metres."""
+    scene_options: tuple[tuple[str, Any], ...] = ()
+    """Keywords for a mesh file, such as its unit; see `anm_gym.scenes.load.load_scene`."""
 
 
 def play_learned(
@@ -141,15 +143,21 @@ def make_pointnav(episode: NavigationEpisode, image_px: int) -> PointNavEnv:
         episode.scene,
         camera={"width_px": image_px, "height_px": image_px},
         forward_step_m=episode.step_m,
+        scene_options=dict(episode.scene_options),
     )
 
 
-def episodes_of(scenes: Iterable[str], num_episodes: int, step_m: float) -> list[NavigationEpisode]:
+def episodes_of(
+    scenes: Iterable[str],
+    num_episodes: int,
+    step_m: float,
+    scene_options: Mapping[str, Any] | None = None,
+) -> list[NavigationEpisode]:
     """Spread a number of episodes over scenes; the same ones for every navigator."""
-    names = list(scenes)
+    names, options = list(scenes), tuple((scene_options or {}).items())
     shares = [len(part) for part in np.array_split(np.arange(num_episodes), len(names))]
     return [
-        NavigationEpisode(name, seed, step_m)
+        NavigationEpisode(name, seed, step_m, options)
         for name, share in zip(names, shares, strict=True)
         for seed in range(share)
     ]

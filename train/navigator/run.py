@@ -25,6 +25,7 @@ from train.navigator.policy import NavigatorPolicy
 from train.navigator.ppo import NavigatorPpo
 from train.navigator.presets import NavigatorTraining
 from train.navigator.ranks import Ranks
+from train.navigator.trial import try_out
 from train.provenance import versions
 from train.results import write_json
 from train.run_folder import claim_folder
@@ -57,8 +58,8 @@ class NavigatorRun:
         hardware: Where the run computes; another when it goes on is no other run.
 
     Raises:
-        ValueError: If the folder holds a run with other settings, or so many processes leave the actor
-            nothing to learn.
+        ValueError: If the folder holds a run with other settings, the settings do not work, or so many
+            processes leave the actor nothing to learn.
     """
 
     def __init__(
@@ -71,6 +72,7 @@ class NavigatorRun:
         self.training, self.folder = training, folder
         self.ranks, self.hardware = ranks or Ranks(), hardware or Hardware()
         training.require_taught_actor(self.ranks.world)
+        try_out(training, self.hardware)
         claim_folder(folder, training.as_dict(), writes=self.ranks.is_first)
         self._checkpoint = TrainingCheckpoint(folder / "checkpoint.safetensors")
         self.progress = self._checkpoint.progress() or Progress(IMITATION)

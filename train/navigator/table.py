@@ -1,7 +1,7 @@
 """Navigators compared on point-goal episodes: `python -m train.navigator --evaluate`."""
 
 from collections import Counter
-from collections.abc import Container, Iterable, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
@@ -24,6 +24,8 @@ IMAGE_PX: Final = 64
 """Rows and columns of everyone's depth image."""
 ALL: Final = "all"
 """Stands for all scenes together."""
+SCENE_OPTIONS: Final = "scene_options"
+"""Where a row has the keywords with which its mesh was read, if there were any."""
 KEY: Final = ("navigator", "weights", "scene", "seed", "step_m", "draws")
 
 
@@ -43,6 +45,8 @@ class NavigationComparison:
     """Whether learned navigators take the likeliest action."""
     workers: int = 2
     """Processes."""
+    scene_options: Mapping[str, Any] = field(default_factory=dict)
+    """Keywords for mesh files, such as `unit`."""
     out: Path = field(default_factory=lambda: Path("runs/navigator"))
     """Folder of the rows; started again, it goes on."""
 
@@ -89,10 +93,14 @@ def compare_navigators(comparison: NavigationComparison, json_path: Path | None 
 
     Returns:
         The lines of the table: one per navigator and scene, and one per navigator for all scenes.
+
+    Raises:
+        ValueError: If there are rows of a scene that is another file by now, or was read with other options.
     """
     path = comparison.out / "episodes.jsonl"
     rows = {row_key(row, KEY): row for row in read_rows(path, KEY)}
     check_scene_files(comparison.scenes, rows.values(), path)
+    _check_scene_options(comparison, rows.values(), path)
     asked = _jobs(comparison)
     jobs = [missing for job in asked if (missing := _without(job, rows)).episodes]
     with tqdm(total=sum(len(job.episodes) for job in jobs), unit="episode") as bar:
@@ -115,7 +123,10 @@ def play(job: Job) -> list[Row]:
         results = play_learned(load_policy(weights), job.episodes, deterministic=job.deterministic)
     else:
         results = [play_driven(job.navigator, episode, IMAGE_PX) for episode in job.episodes]
-    source = {SCENE_FILE: file_digest(job.episodes[0].scene), "commit": versions()["commit"]}
+    first = job.episodes[0]
+    source: Row = {SCENE_FILE: file_digest(first.scene), "commit": versions()["commit"]}
+    if first.scene_options:
+        source[SCENE_OPTIONS] = dict(first.scene_options)
     return [
         {**dict(zip(KEY, key, strict=True)), **result, **source}
         for key, result in zip(_keys(job), results, strict=True)
@@ -205,7 +216,9 @@ def _other_code(rows: Iterable[Row]) -> list[str]:
 
 
 def _jobs(comparison: NavigationComparison) -> list[Job]:
-    episodes = episodes_of(comparison.scenes, comparison.episodes, comparison.step_m)
+    episodes = episodes_of(
+        comparison.scenes, comparison.episodes, comparison.step_m, comparison.scene_options
+    )
     by_scene = [tuple(one for one in episodes if one.scene == name) for name in comparison.scenes]
     digests = {name: policy_digest(name) for name in comparison.navigators}
     return [
@@ -214,6 +227,17 @@ def _jobs(comparison: NavigationComparison) -> list[Job]:
         for some in by_scene
         if some
     ]
+
+
+def _check_scene_options(comparison: NavigationComparison, rows: Iterable[Row], path: Path) -> None:
+    """Refuse to go on with rows of scenes that were read with other options."""
+    asked, labels = dict(comparison.scene_options), {scene_label(name) for name in comparison.scenes}
+    for row in rows:
+        if row["scene"] in labels and (played := row.get(SCENE_OPTIONS, {})) != asked:
+            raise ValueError(
+                f"the rows of {row['scene']} in {path} must be read with `scene_options` {asked}, "
+                f"got {played}; write to another `--out` folder"
+            )
 
 
 def _without(job: Job, rows: Container[tuple[Any, ...]]) -> Job:

@@ -63,7 +63,7 @@ def is_equal(first, second) -> bool:
 def test_run_leaves_curve_figure_log_and_checkpoint(trained):
     training, result, _ = trained
     names = {path.name for path in training.out.iterdir()}
-    assert names == {"settings.json", "checkpoint.safetensors", "log", "curve.json", "curve.png"}
+    assert names == {"settings.json", "run.lock", "checkpoint.safetensors", "log", "curve.json", "curve.png"}
     assert [point["steps"] for point in result["curve"]] == [0, 32, 64]
     assert json.loads((training.out / "curve.json").read_text())["curve"] == result["curve"]
     assert 0.0 < result["baselines_pct"]["random"] < 100.0
@@ -215,8 +215,10 @@ def test_quick_is_the_same_in_small_but_for_what_is_given():
 def test_ranges_of_homes_are_written_out():
     assert expand_scenes(["home:flat:8-10"]) == ["home:flat:8", "home:flat:9", "home:flat:10"]
     assert expand_scenes(["a-b.glb", "home:flat:7"]) == ["a-b.glb", "home:flat:7"]
-    with pytest.raises(ValueError, match="`scenes` must name at least one, got home:flat:3-2"):
-        expand_scenes(["home:flat:3-2"])
+    with pytest.raises(ValueError, match="a range of `scenes` must rise, got 'home:flat:3-2'"):
+        expand_scenes(["home:flat:1", "home:flat:3-2"])
+    with pytest.raises(ValueError, match="`scenes` must name at least one, got none"):
+        expand_scenes([])
 
 
 @pytest.mark.parametrize(

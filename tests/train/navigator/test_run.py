@@ -8,6 +8,7 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
@@ -103,6 +104,25 @@ def test_processes_that_leave_the_actor_no_rollout_claim_no_folder(
 ) -> None:
     with pytest.raises(ValueError, match=r"`reinforcement\.frames` must leave a rollout for the actor"):
         NavigatorRun(training, tmp_path / "run", Ranks(0, 4))
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    ("domain", "message"),
+    [
+        (
+            {"forward_step_m": (0.25,), "sensor_height_m": (1.25, 9.0)},
+            "`sensor_height_m` must be below the ceiling",
+        ),
+        ({"forward_step_m": (300.0,)}, "`max_episode_steps` must be"),
+    ],
+)
+def test_settings_that_cannot_work_claim_no_folder(
+    training: NavigatorTraining, tmp_path: Path, domain: dict[str, Any], message: str
+) -> None:
+    hopeless = replace(training, domain=replace(training.domain, **domain))
+    with pytest.raises(ValueError, match=message):
+        NavigatorRun(hopeless, tmp_path / "run")
     assert not (tmp_path / "run").exists()
 
 

@@ -21,7 +21,10 @@ def test_card_tells_how_the_policy_was_trained(variant: str) -> None:
     assert load_policy(f"ddppo-{variant}").settings == NavigatorNetSettings.read(training["net"])
     assert training["domain"]["tiers"] == VARIANTS[variant].tiers
     assert training["imitation"]["frames"] == PRESETS["mini"].imitation.frames
-    assert card["curve"][-1]["stage"] == "imitation" or card["curve"][-1]["frames"] > 0
+    points = [(point["stage"], point["frames"]) for point in card["curve"]]
+    assert points == sorted(points), "imitation comes first, and frames rise"
+    assert {stage for stage, _ in points} == {"imitation", "reinforcement"}
+    assert training["reinforcement"]["frames"] - points[-1][1] < training["evaluation_every"]
     assert card["cpu_s"] > 0
 
 
