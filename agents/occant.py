@@ -16,7 +16,7 @@ from anm_gym.actions import FORWARD_STEP_M, TURN_STEP_DEG
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.geometry import wrap_angle
 from anm_gym.map.projection import count_hits, project_depth, seen_masks
-from anm_gym.map.reach import ReachSettings, reachable_space
+from anm_gym.map.reach import ReachableSpace, ReachSettings, reachable_space
 from anm_gym.sim.geodesic import nearest_free_cell
 from anm_gym.wrappers.goal import Goal, GoalLimits, GoalWrapper
 
@@ -170,7 +170,10 @@ class OccAntGoalWrapper(GoalWrapper):
         return look if self._model.anticipator is None else self._model.anticipator(look)
 
     def _choose(self) -> Goal | None:
-        """The best of the policy's goals, moved to the nearest place that may be reached."""
+        """The best of the policy's goals, moved to the nearest place that may be reached.
+
+        Where the agent is caught they are left where they are, since all would be moved to where it stands.
+        """
         space = reachable_space(self.occupancy, self.position_xz, THROUGH_UNKNOWN)
         if space is None:
             return None
@@ -178,13 +181,18 @@ class OccAntGoalWrapper(GoalWrapper):
         scores = self._model.score_goals(self.memory.view(pose))
         if self.settings.samples:
             scores = scores + self.rng.gumbel(size=scores.shape).astype(np.float32)
+        is_caught = space.area_m2 < THROUGH_UNKNOWN.pocket_m2
         for goal in np.argsort(-scores, kind="stable")[:TRIES]:
             point_xz = points_to_world(self.memory.goal_xz(int(goal), pose), self._start)[0]
-            near = nearest_free_cell(
-                space.reachable, space.frame.cells_of(point_xz)[0], 4 * max(space.frame.shape)
-            )
-            assert near is not None  # the agent's own place is reachable
-            place_xz = space.frame.centers_of(near)[0]
+            place_xz = point_xz if is_caught else _nearest_place(space, point_xz)
             if not self.near_failure(place_xz, self.settings.blacklist_m, RECENT_FAILURES).any():
                 return Goal(place_xz, None, "policy")
         return None
+
+
+def _nearest_place(space: ReachableSpace, point_xz: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(2,) the reachable place nearest to a floor point, metres."""
+    cell = space.frame.cells_of(point_xz)[0]
+    near = nearest_free_cell(space.reachable, cell, 4 * max(space.frame.shape))
+    assert near is not None, "the agent's own place is reachable"
+    return np.asarray(space.frame.centers_of(near)[0])

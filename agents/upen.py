@@ -13,6 +13,7 @@ from scipy import ndimage
 from agents.upen_ensemble import Ensemble, load_ensemble
 from agents.upen_map import PredictedMap, UpenMapSettings
 from agents.upen_paths import PathSettings, candidates, node_scores
+from anm_gym.checks import check_at_least
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.map.grid_fusion import FloorPose
 from anm_gym.map.projection import OCCUPIED
@@ -44,14 +45,19 @@ class UpenSettings:
     """Distance that paths keep from predicted obstacles, metres; none in the paper's code."""
     blacklist_m: float = 0.0
     """Paths that end this close to a goal that failed are left out, metres."""
+    avoids_seen: bool = False
+    """Keep paths off what the agent's own map holds occupied too, as the navigator goes by that (ours)."""
+    escape_m: float = 0.0
+    """This close to the agent nothing is in a path's way: it stands there, so there is room, metres (ours)."""
+    retry_steps: int | None = None
+    """Steps after which an agent without a path looks for one again (ours); None for when one is due."""
 
     def __post_init__(self) -> None:
         if self.replan_steps is None and self.replan_m is None:
             raise ValueError("`replan_steps` or `replan_m` must be given, got neither")
-        if self.clearance_m < 0.0 or self.blacklist_m < 0.0:
-            raise ValueError(
-                f"`clearance_m` and `blacklist_m` must be >= 0, got {self.clearance_m} and {self.blacklist_m}"
-            )
+        check_at_least(self, 0.0, "clearance_m", "blacklist_m", "escape_m")
+        if self.retry_steps is not None:
+            check_at_least(self, 1, "retry_steps")
 
 
 PRESETS: Final = {
@@ -63,6 +69,9 @@ PRESETS: Final = {
         replan_m=4.0,
         clearance_m=0.1,
         blacklist_m=0.5,
+        avoids_seen=True,
+        escape_m=0.25,
+        retry_steps=10,
     ),
     "paper": UpenSettings(),
     "repo": UpenSettings(
@@ -73,8 +82,8 @@ PRESETS: Final = {
     "metres": UpenSettings(replan_steps=None, replan_m=2.5),
 }
 """`strong`: the entropy of the members' mean instead of their variance, paths of three edges and more
-in the window, another one after 4 m, away from walls and failures (ours); `paper`: as published, with
-points drawn near the agent, which loses no path; `repo`: with the released code's lines beside the
+in the window, another one after 4 m, away from failures and from walls, seen or predicted (ours);
+`paper`: as published, with points drawn near the agent, which loses no path; `repo`: with the released code's lines beside the
 paths, points over the whole map and certainty for good; `metres`: `paper` with another path after
 2.5 m, as ten steps of 0.25 m are."""
 
@@ -145,10 +154,12 @@ class UpenGoalWrapper(GoalWrapper):
         return self._best_goal()
 
     def _review_goal(self, goal: Goal) -> Goal | None:
-        return (self._best_goal() or goal) if self._is_due() else goal
+        return (self._best_goal() or goal) if self._is_due(goal) else goal
 
-    def _is_due(self) -> bool:
+    def _is_due(self, goal: Goal) -> bool:
         settings = self.settings
+        if goal.reason != REASON and settings.retry_steps is not None:
+            return self._planned_steps >= settings.retry_steps
         in_steps = settings.replan_steps is not None and self._planned_steps >= settings.replan_steps
         return in_steps or (settings.replan_m is not None and self._walked_m >= settings.replan_m)
 
@@ -170,8 +181,17 @@ class UpenGoalWrapper(GoalWrapper):
 
     def _blocked(self) -> NDArray[np.bool_]:
         """(rows, columns): the likeliest class is occupied, or that is too near; the unknown is not."""
-        occupied = np.asarray(self._map.mean.argmax(axis=0) == OCCUPIED)
-        if self.settings.clearance_m == 0.0 or not occupied.any():
-            return occupied
-        distance = ndimage.distance_transform_edt(~occupied)
-        return np.asarray(distance * self._map.frame.cell_m <= self.settings.clearance_m)
+        frame, settings = self._map.frame, self.settings
+        blocked = np.asarray(self._map.mean.argmax(axis=0) == OCCUPIED)
+        if settings.avoids_seen:
+            seen = self.occupancy
+            cells = frame.cells_of(seen.frame.centers_of(np.argwhere(seen.occupied)))
+            rows, columns = cells[frame.contains(cells)].T
+            blocked[rows, columns] = True
+        if settings.clearance_m > 0.0 and blocked.any():
+            blocked = ndimage.distance_transform_edt(~blocked) * frame.cell_m <= settings.clearance_m
+        if settings.escape_m > 0.0:
+            cells = np.argwhere(blocked)
+            away_m = np.linalg.norm(frame.centers_of(cells) - self.position_xz, axis=1)
+            blocked[tuple(cells[away_m <= settings.escape_m].T)] = False
+        return np.asarray(blocked)

@@ -22,5 +22,7 @@ FORWARD_STEP_M: Final = 0.065
 TURN_STEP_DEG: Final = 10.0
 """Angle of one turn, degrees (Active Neural Mapping, Sec. 5.1)."""
 
+NEAREST_STEPS: Final = 0.5
+"""Share of a forward step from a place at which no further step need lead nearer to it."""
 STRAIGHT_TURNS: Final = 0.51
 """Heading error, in turns, that no turn can lessen: half of one, and a little for rounding (ours)."""

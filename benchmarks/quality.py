@@ -69,7 +69,7 @@ class Truth:
     mesh: TriangleMesh
     """The true surface of the storey."""
     distance: MeshDistance
-    """Distance to it."""
+    """Distance to the true surface, that of other storeys included."""
     observed: SurfaceCloud
     """Everything that the frames have shown."""
     probes: Probes
@@ -84,7 +84,7 @@ def make_truth(recording: Recording, effort: Effort) -> Truth:
         view = depth_view(depth_m, recording.camera, pose)
         observed.add(view.points)
         free.append(free_space_points(view, effort.free_per_frame, rng))
-    distance = MeshDistance(mesh)
+    distance = MeshDistance(recording.scene.mesh)
     probes = make_probes(
         mesh,
         np.concatenate(free),

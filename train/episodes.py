@@ -84,6 +84,12 @@ class Job:
         }
 
     @property
+    def scenes_root(self) -> str | None:
+        """Folder of the datasets, where the environment's arguments name one."""
+        root: str | None = (self.env_options.get("scene_options") or {}).get("root")
+        return root
+
+    @property
     def key(self) -> Key:
         """The key of its row."""
         return row_key(self.identity)
@@ -166,7 +172,7 @@ def run_job(job: Job, progress: Progress | None = None) -> Episode:
         SceneError: If the scene is not the one to which the start belongs.
     """
     env = make_env(job.scene, job.steps, job.env_options)
-    geometry = _checked_geometry(job, env)
+    geometry, file = _checked_geometry(job, env), file_digest(job.scene, job.scenes_root)
     agent = build_agent(f"{job.agent}:{job.preset}", env, job.seed)
     recorder = EpisodeRecorder(make_meter(env), agent.policy, progress)
     record = run_episode(agent.env, agent.policy, job.seed, recorder, job.start)
@@ -178,7 +184,7 @@ def run_job(job: Job, progress: Progress | None = None) -> Episode:
     row = {
         **job.identity,
         "settings_hash": digest(settings),
-        SCENE_FILE: file_digest(job.scene),
+        SCENE_FILE: file,
         "steps_done": record.steps,
         "scene_hash": trajectory.scene_hash,
         "geometry": geometry,

@@ -78,22 +78,28 @@ def geometry_digest(mesh: TriangleMesh) -> str:
     return hashed.hexdigest()[:16]
 
 
-def file_digest(scene: str) -> str:
+def file_digest(scene: str, root: str | Path | None = None) -> str:
     """Name the content of a scene's file, sixteen hexadecimal digits; empty for a scene that is generated.
 
     Of a `.gltf` that names other files, those are not part of it.
 
+    Args:
+        scene: Name or path.
+        root: Folder of the datasets; None for $ANM_SCENES.
+
     Raises:
         SceneError: If it is a dataset's scene, and is not there.
     """
-    path = find_scene(scene) if is_dataset_scene(scene) else Path(scene)
+    path = find_scene(scene, root) if is_dataset_scene(scene) else Path(scene)
     if not path.is_file():
         return ""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()[:16]
 
 
-def check_scene_files(scenes: Iterable[str], rows: Iterable[Row], path: Path) -> None:
+def check_scene_files(
+    scenes: Iterable[str], rows: Iterable[Row], path: Path, root: str | Path | None = None
+) -> None:
     """Refuse to go on with rows of scenes that are other files by now.
 
     Args:
@@ -101,12 +107,13 @@ def check_scene_files(scenes: Iterable[str], rows: Iterable[Row], path: Path) ->
         rows: What was played already; rows without `SCENE_FILE` are taken as they are, and failed ones are no
             matter, as they are played again.
         path: Where the rows lie, for the message.
+        root: Folder of the datasets; None for $ANM_SCENES.
 
     Raises:
         ValueError: If rows of a scene were played in another file of that name, or before it changed.
     """
     named = {scene_label(scene): scene for scene in scenes}
-    files = {label: file_digest(scene) for label, scene in named.items()}
+    files = {label: file_digest(scene, root) for label, scene in named.items()}
     for row in rows:
         played, label = None if row.get("error") else row.get(SCENE_FILE), row["scene"]
         if played is not None and label in files and played != files[label]:

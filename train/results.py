@@ -72,7 +72,8 @@ def read_rows(path: Path, fields: Sequence[str] = KEY_FIELDS) -> list[Row]:
         fields: The fields that name an episode in this file.
 
     Returns:
-        The rows in file order, later rows of a key replacing earlier ones; empty if there is no file.
+        The rows in file order, later rows of a key replacing earlier ones, but for a failure, which replaces
+        nothing that did not fail; empty if there is no file.
 
     Raises:
         ValueError: If a whole line lacks one of `fields`: the file is not one of such rows.
@@ -87,7 +88,9 @@ def read_rows(path: Path, fields: Sequence[str] = KEY_FIELDS) -> list[Row]:
         missing = [field for field in fields if field not in row]
         if missing:
             raise ValueError(f"line {number} of {path} must have the fields of a result row, lacks {missing}")
-        rows[row_key(row, fields)] = row
+        key = row_key(row, fields)
+        if not row.get("error") or key not in rows:
+            rows[key] = row
     return list(rows.values())
 
 

@@ -73,20 +73,21 @@ def _thinned(comp_pct: NDArray[np.floating], path_m: NDArray[np.floating]) -> di
 
 
 def map_scores(neural_map: Any, scene: Scene) -> Row:
-    """Score a neural map against the true surface of the storey.
+    """Score a neural map against the true surface.
 
     Args:
         neural_map: The agent's `NeuralMap` at the end of the episode.
         scene: The scene that was mapped.
 
     Returns:
-        Distance of the field at the true surface, and of the reconstruction from it, native and official;
+        Distance of the field at the storey's surface, and of the reconstruction from it, native and official;
         then what `calibration_scores` says of the map where it has seen, and of its variability.
     """
     from train.calibration import calibration_scores
 
-    truth, true_distance = scene.storey_mesh, MeshDistance(scene.storey_mesh)
-    field = field_scores(neural_map.sdf, truth)
+    # What is asked for is the storey; what is true is the whole mesh, as stairwells show other storeys too.
+    truth, true_distance = scene.storey_mesh, MeshDistance(scene.mesh)
+    field = field_scores(neural_map.sdf, truth, top_y_m=scene.storey_top_y_m)
     surface = neural_map.mesh()
     rng = np.random.default_rng(SAMPLE_SEED)
     mesh = reconstruction_scores(surface.vertices, surface.faces, truth, rng, true_distance=true_distance)

@@ -25,7 +25,7 @@ from anm_gym.map.numerics import (
     usable_device,
     workers_flush_subnormals,
 )
-from anm_gym.map.occupancy import OccupancyGrid
+from anm_gym.map.occupancy import OccupancyGrid, check_level
 from anm_gym.map.perturbation import perturbations, variability
 from anm_gym.map.sampling import RayBatch, sample_rays
 from anm_gym.map.settings import MapSettings, VariabilitySettings
@@ -125,19 +125,21 @@ class NeuralMap:
             What was done, with the loss terms of the last iteration.
 
         Raises:
-            ValueError: If the image does not fit the camera or is not in metres, or the pose is none.
+            ValueError: If the image does not fit the camera or is not in metres, or the pose is none or not
+                level; the map is as it was.
 
         Source:
             Active Neural Mapping, Sec. 4.1, Eq. 3.
         """
-        expected = (self.camera.height_px, self.camera.width_px)
-        if np.shape(depth_m)[:2] != expected:
-            raise ValueError(f"`depth_m` must have shape {expected}, got {np.shape(depth_m)}")
+        expected, depth_m = (self.camera.height_px, self.camera.width_px), np.asarray(depth_m)
+        if depth_m.shape not in (expected, (*expected, 1)):
+            raise ValueError(f"`depth_m` must have shape {expected}, got {depth_m.shape}")
         if not np.issubdtype(depth_m.dtype, np.floating):
             raise ValueError(f"`depth_m` must be floating point metres, got {depth_m.dtype}; convert it")
         world_from_camera = np.asarray(world_from_camera)
         if world_from_camera.shape != (4, 4) or not np.isfinite(world_from_camera).all():
             raise ValueError(f"`world_from_camera` must be a finite 4 x 4 pose, got {world_from_camera}")
+        check_level(world_from_camera)
         with self.stopwatch("observe"):
             is_keyframe = self._admit(depth_m, world_from_camera)
             self._log(depth_m, world_from_camera)

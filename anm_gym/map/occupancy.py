@@ -58,6 +58,14 @@ class OccupancySettings:
             )
 
 
+def check_level(world_from_camera: NDArray[np.floating]) -> None:
+    """Refuse the (4, 4) pose of a camera that leans, with a ValueError."""
+    if abs(float(world_from_camera[1, 1]) - 1.0) > LEVEL_TOLERANCE:
+        raise ValueError(
+            f"`world_from_camera` must be level, got an up axis with y = {world_from_camera[1, 1]:.3f}"
+        )
+
+
 class OccupancyGrid:
     """A top-down log of evidence that grows with what is seen; the camera must be level.
 
@@ -167,10 +175,7 @@ class OccupancyGrid:
         Raises:
             ValueError: If the camera is not level.
         """
-        if abs(float(world_from_camera[1, 1]) - 1.0) > LEVEL_TOLERANCE:
-            raise ValueError(
-                f"`world_from_camera` must be level, got an up axis with y = {world_from_camera[1, 1]:.3f}"
-            )
+        check_level(world_from_camera)
         view = _View(depth_m, camera, world_from_camera, self.floor_y_m, self.settings)
         hits, passed, assumed = view.hits(), view.passed(), view.assumed()
         self._cover(np.concatenate([_corners(points) for points in (hits, passed, assumed)]))

@@ -13,7 +13,7 @@ from scipy import ndimage
 
 from anm_gym.checks import check_choices
 from anm_gym.geometry import CameraSpec
-from anm_gym.map.occupancy import LEVEL_TOLERANCE
+from anm_gym.map.occupancy import check_level
 from anm_gym.sim.grid import GridFrame
 
 FreeRule = Literal["floor", "not_obstacle"]
@@ -119,10 +119,8 @@ def project_depth(
     Source:
         UPEN, OccAnt and Active Neural SLAM as `PRESETS` tells.
     """
-    if world_from_camera is not None and abs(float(world_from_camera[1, 1]) - 1.0) > LEVEL_TOLERANCE:
-        raise ValueError(
-            f"`world_from_camera` must be level, got an up axis with y = {world_from_camera[1, 1]:.3f}"
-        )
+    if world_from_camera is not None:
+        check_level(world_from_camera)
     rows, columns = _lines(camera.height_px, settings), _lines(camera.width_px, settings)
     depth = depth_m.reshape(camera.height_px, camera.width_px)[rows, columns]
     if settings.fills_holes:

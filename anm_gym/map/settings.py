@@ -123,6 +123,13 @@ class SamplingSettings:
             raise ValueError(f"`window_frames` must be >= 3, got {self.window_frames}")
         if self.rays_per_frame < 1 or self.stratified < 0 or self.near_surface < 1:
             raise ValueError("`rays_per_frame` and `near_surface` must be >= 1, `stratified` >= 0")
+        check_at_least(self, 0, "fill_in_rays")
+        check_at_least(self, 1, "fill_in_candidates")
+        if not 0.0 <= self.min_depth_m < self.max_depth_m:
+            raise ValueError(
+                "`min_depth_m` must be >= 0 and less than `max_depth_m`, "
+                f"got {self.min_depth_m} and {self.max_depth_m}"
+            )
 
     def rays_of_each(self, num_frames: int) -> int:
         """Pixels drawn of each frame of a window with `num_frames` frames."""

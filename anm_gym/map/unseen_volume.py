@@ -26,7 +26,7 @@ class UnseenSettings:
     """Which rays are cast and what counts along them (ours)."""
 
     range_m: float = 4.0
-    """Horizontal length of a ray, metres."""
+    """Horizontal length of a ray, metres; at least one voxel."""
     decay_m: float = 1.5
     """Length of unknown space after which a ray counts 1/e of what follows, metres; infinite counts all."""
     num_headings: int = 36
@@ -212,7 +212,7 @@ def _cast(box: _Box, centers: NDArray[np.float64], camera: CameraSpec, settings:
     decay = np.tile(decay, len(centers))
     hope, ray = np.ones(len(decay), np.float32), np.arange(len(decay))
     parts = []
-    for index in range(int(settings.range_m / voxel_m)):
+    for index in range(max(1, int(settings.range_m / voxel_m))):
         flat = _flat_index(lines, box.codes.shape)
         code = box.codes.reshape(-1)[flat]
         hope[code == WALL] = 0.0

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from anm_gym.actions import STRAIGHT_TURNS
+from anm_gym.actions import NEAREST_STEPS, STRAIGHT_TURNS
 from anm_gym.checks import check_at_least, check_positive
 from anm_gym.map.cloud import SurfaceCloud
 from anm_gym.map.neural_map import NeuralMap
@@ -72,7 +72,12 @@ class PlannerSettings:
         """The same for an agent with other steps."""
         views = replace(self.views, forward_step_m=forward_step_m, turn_step_rad=turn_step_rad)
         arrival_deg = float(np.rad2deg(STRAIGHT_TURNS * turn_step_rad))
-        return replace(self, views=views, taken_angle_deg=max(self.taken_angle_deg, arrival_deg))
+        return replace(
+            self,
+            views=views,
+            taken_radius_m=max(self.taken_radius_m, NEAREST_STEPS * forward_step_m),
+            taken_angle_deg=max(self.taken_angle_deg, arrival_deg),
+        )
 
 
 class ViewPlanner:

@@ -36,7 +36,7 @@ class FieldScores:
     mad_visible_cm: float | None
     """Mean absolute distance over the reachable-visible samples, centimetres; None if unknown."""
     mad_official_cm: float
-    """Mean absolute distance over the true mesh's vertices without its top 0.8 m, centimetres."""
+    """Mean absolute distance over the true mesh's vertices without the storey's top 0.8 m, centimetres."""
     within_5cm_official_pct: float
     """Share of those vertices with an absolute distance below 5 cm, per cent."""
 
@@ -62,6 +62,7 @@ def field_scores(
     true_mesh: TriangleMesh,
     visible: NDArray[np.bool_] | None = None,
     num_samples: int = NUM_SAMPLES,
+    top_y_m: float | None = None,
 ) -> FieldScores:
     """Score a signed distance on the true surface.
 
@@ -70,6 +71,7 @@ def field_scores(
         true_mesh: The true surface of the storey.
         visible: (M,) bool, which of the first M completion samples are visible from reachable positions.
         num_samples: Samples of the surface.
+        top_y_m: How high the storey reaches, metres; None for as high as the mesh.
 
     Returns:
         Native and official scores. The official one is not a number if nothing lies below its cut.
@@ -79,7 +81,8 @@ def field_scores(
     """
     error_m = _absolute_m(sdf, completion_samples(true_mesh, num_samples).points)
     vertices = true_mesh.vertices[np.unique(true_mesh.faces)]
-    kept = vertices[vertices[:, 1] <= true_mesh.bounds[1, 1] - CEILING_CUT_M]
+    highest_m = true_mesh.bounds[1, 1] if top_y_m is None else top_y_m
+    kept = vertices[vertices[:, 1] <= highest_m - CEILING_CUT_M]
     official_m = _absolute_m(sdf, kept)
     is_visible = None if visible is None or not visible.any() else np.flatnonzero(visible[:num_samples])
     return FieldScores(
@@ -107,7 +110,8 @@ def reconstruction_scores(
         true_mesh: The true surface.
         rng: Draws the samples.
         num_samples: Samples of the reconstruction, and of the true surface for the official scores.
-        true_distance: `MeshDistance(true_mesh)` where several maps are scored on it.
+        true_distance: Distance to the true surface, where that is more than `true_mesh`: stairwells show
+            surface of other storeys. None for `MeshDistance(true_mesh)`.
 
     Returns:
         Native (point to triangle) and official (sample to sample) scores.

@@ -10,8 +10,9 @@ _MARGIN_M = 0.5
 class ObservedCloud:
     """Observed points inside a box, one (the first) per voxel.
 
-    A distance to this cloud is never below the distance to all observed points, and above it by at most
-    `bound_m`, the diagonal of a voxel.
+    A distance to this cloud is never below the distance to all observed points, and above that to those
+    within half a metre of the box by at most `bound_m`, the diagonal of a voxel. Of points farther outside,
+    seen through windows, one is kept for each voxel of the border.
     """
 
     def __init__(
@@ -34,7 +35,7 @@ class ObservedCloud:
 
     @property
     def bound_m(self) -> float:
-        """Largest error of `distance_m`, metres."""
+        """Largest error of `distance_m` if no nearest point lies half a metre outside of the box, metres."""
         return float(np.sqrt(3.0) * self.voxel_m)
 
     @property

@@ -17,7 +17,7 @@ from anm_gym.metrics.completion import completion_samples
 from anm_gym.metrics.view_table import ViewTable, ViewTableSettings, build_view_table, candidate_positions
 from anm_gym.sim.simulator import Simulator
 
-_FORMAT: Final = 1
+_FORMAT: Final = 2
 _FIELDS: Final = ("points", "positions_xz", "headings_rad", "bits")
 
 

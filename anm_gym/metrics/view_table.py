@@ -173,7 +173,8 @@ def _targets(
     rays = (samples.points - center).astype(np.float32)
     range_m = np.linalg.norm(rays, axis=1)
     corner = np.hypot(1.0, np.hypot(camera.spec.width_px, camera.spec.height_px) / 2 / camera.spec.focal_px)
-    index = np.flatnonzero((range_m > MIN_DEPTH_M) & (range_m < corner * MAX_DEPTH_M))
+    nearest_m, farthest_m = _depth_range_m(camera.spec)
+    index = np.flatnonzero((range_m > nearest_m) & (range_m < corner * farthest_m))
     rays = rays[index]
     hits = camera.cast(np.ascontiguousarray(np.broadcast_to(center.astype(np.float32), rays.shape)), rays)
     is_behind = hits.distance < 1.0
@@ -186,11 +187,17 @@ def _targets(
     return _Targets(index[near], rays[near], feet, normals[near])
 
 
+def _depth_range_m(spec: CameraSpec) -> tuple[float, float]:
+    """Depths that the metric counts and the camera has, metres."""
+    return max(MIN_DEPTH_M, spec.min_depth_m), min(MAX_DEPTH_M, spec.max_depth_m)
+
+
 def _resolved(targets: _Targets, spec: CameraSpec, heading_rad: float) -> NDArray[np.bool_]:
     """Tell which targets have the pixel nearest to their foot, cast on its plane, within the threshold."""
     rotation = camera_pose(np.zeros(3), heading_rad)[:3, :3].astype(np.float32)
     x, y, z = (targets.feet @ rotation).T
-    ahead = -z > MIN_DEPTH_M
+    nearest_m, farthest_m = _depth_range_m(spec)
+    ahead = -z > nearest_m
     scale = spec.focal_px / np.where(ahead, -z, 1.0)
     column, row = np.floor(scale * x + spec.width_px / 2.0), np.floor(spec.height_px / 2.0 - scale * y)
     in_image = ahead & (column >= 0) & (column < spec.width_px) & (row >= 0) & (row < spec.height_px)
@@ -201,5 +208,5 @@ def _resolved(targets: _Targets, spec: CameraSpec, heading_rad: float) -> NDArra
     plane_m = np.einsum("ij,ij->i", targets.normals, targets.feet)
     depth_m = np.divide(plane_m, toward, out=-z.astype(np.float64), where=np.abs(toward) > 1e-6)
     miss_m = np.linalg.norm(rays * depth_m[:, None] - targets.offsets @ rotation, axis=1)
-    in_range = (depth_m >= MIN_DEPTH_M) & (depth_m <= MAX_DEPTH_M)
+    in_range = (depth_m >= nearest_m) & (depth_m <= farthest_m)
     return np.asarray(in_image & in_range & (miss_m < THRESHOLD_M))

@@ -82,6 +82,11 @@ class Scene:
         )
 
     @property
+    def storey_top_y_m(self) -> float:
+        """How high `storey_mesh` is the selected storey's, metres; its tall triangles may reach farther."""
+        return float(min(self._top_y_m if len(self.storeys) > 1 else np.inf, self.storey_mesh.bounds[1, 1]))
+
+    @property
     def _top_y_m(self) -> float:
         if self.ceiling_y_m is not None:
             return self.ceiling_y_m

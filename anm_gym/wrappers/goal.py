@@ -14,7 +14,7 @@ from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
-from anm_gym.actions import STRAIGHT_TURNS
+from anm_gym.actions import NEAREST_STEPS, STRAIGHT_TURNS
 from anm_gym.checks import check_at_least, check_positive
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.geometry import heading_of, pointgoal, wrap_angle
@@ -214,7 +214,7 @@ class GoalWrapper(
     @property
     def arrival_m(self) -> float:
         """Distance at which a goal is reached: the limit, or half a forward step if that is more, metres."""
-        return max(self.limits.arrival_m, 0.5 * self.step_sizes[0])
+        return max(self.limits.arrival_m, NEAREST_STEPS * self.step_sizes[0])
 
     @property
     def arrival_rad(self) -> float:

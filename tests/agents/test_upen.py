@@ -133,7 +133,8 @@ def test_unknown_preset_lists_the_choices(
     ("options", "message"),
     [
         ({"replan_steps": None}, "`replan_steps` or `replan_m` must be given, got neither"),
-        ({"clearance_m": -1.0}, r"`clearance_m` and `blacklist_m` must be >= 0, got -1\.0 and 0\.0"),
+        ({"clearance_m": -1.0}, r"`clearance_m` must be >= 0, got -1\.0"),
+        ({"retry_steps": 0}, "`retry_steps` must be >= 1, got 0"),
     ],
 )
 def test_senseless_settings_are_refused(options: dict[str, float], message: str) -> None:

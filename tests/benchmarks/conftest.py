@@ -22,7 +22,7 @@ def recording(box_room):
     return Recording(
         name="box-0",
         seed=0,
-        scene=SimpleNamespace(storey_mesh=room),
+        scene=SimpleNamespace(mesh=room, storey_mesh=room),
         camera=camera,
         depth_m=np.stack([renderer.render(pose) for pose in poses]),
         world_from_camera=np.stack(poses),

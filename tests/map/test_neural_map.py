@@ -182,6 +182,17 @@ def test_compute_is_counted_by_module(learned: NeuralMap) -> None:
             np.full((4, 4), np.nan),
             "must be a finite 4 x 4 pose",
         ),
+        (
+            np.ones((64, 64), np.float32),
+            np.diag([1.0, 0.9, 1.0, 1.0]),
+            "must be level, got an up axis with y = 0.900",
+        ),
+        (
+            np.ones((64, 64, 3), np.float32),
+            np.eye(4),
+            r"must have shape \(64, 64\), got \(64, 64, 3\)",
+        ),
+        ([[1.0]], np.eye(4), r"must have shape \(64, 64\), got \(1, 1\)"),
     ],
 )
 def test_frame_that_is_no_depth_or_has_no_pose_is_refused(tour, depth, pose, what: str) -> None:
@@ -189,6 +200,7 @@ def test_frame_that_is_no_depth_or_has_no_pose_is_refused(tour, depth, pose, wha
     with pytest.raises(ValueError, match=what):
         neural_map.integrate(depth, pose)
     assert neural_map.num_frames == 0
+    assert len(neural_map.frames) == len(neural_map.cloud) == 0
 
 
 def test_points_may_be_a_list(learned: NeuralMap) -> None:

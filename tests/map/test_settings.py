@@ -12,6 +12,7 @@ from anm_gym.map.settings import (
     ScheduleSettings,
     VariabilitySettings,
 )
+from anm_gym.map.variable_surface import SurfaceSettings
 
 
 def test_hash_names_the_effective_settings() -> None:
@@ -48,6 +49,11 @@ def test_bad_settings_are_refused() -> None:
         (LossSettings, {"distance_target": "clowd"}),
         (KeyframeSettings, {"test": "surfce"}),
         (SamplingSettings, {"replay": "loss"}),
+        (SamplingSettings, {"fill_in_rays": -1}),
+        (SamplingSettings, {"fill_in_candidates": 0}),
+        (SamplingSettings, {"min_depth_m": 9.0}),
+        (SurfaceSettings, {"reference_points": 0}),
+        (SurfaceSettings, {"reference_quantile": 2.0}),
         (FieldSettings, {"activation": "tanh"}),
         (ScheduleSettings, {"learning_rate": 0.0}),
         (ScheduleSettings, {"iterations": -1}),

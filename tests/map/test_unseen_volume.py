@@ -110,3 +110,7 @@ def test_settings_must_make_sense() -> None:
         UnseenSettings(range_m=0.0)
     with pytest.raises(ValueError, match="`num_elevations` must be >= 1"):
         UnseenSettings(num_elevations=0)
+
+
+def test_ray_is_at_least_a_voxel_long() -> None:
+    assert gains(log_of(filled(UNKNOWN)), UnseenSettings(range_m=0.05, leaves_out_shell=False)).min() > 0.0

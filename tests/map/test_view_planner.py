@@ -96,3 +96,5 @@ def test_view_that_counts_as_reached_counts_as_taken() -> None:
     settings = PlannerSettings()
     assert settings.for_steps(0.065, np.deg2rad(10.0)).taken_angle_deg == settings.taken_angle_deg
     assert settings.for_steps(0.065, np.deg2rad(45.0)).taken_angle_deg == pytest.approx(0.51 * 45.0)
+    assert settings.for_steps(0.065, np.deg2rad(10.0)).taken_radius_m == settings.taken_radius_m
+    assert settings.for_steps(0.8, np.deg2rad(10.0)).taken_radius_m == pytest.approx(0.4)

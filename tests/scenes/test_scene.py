@@ -50,6 +50,14 @@ def test_storey_without_ceiling_reaches_up_to_the_next_floor_or_the_sky(box_room
     assert lower.storey_mesh.bounds[1, 1] == 6.5
 
 
+def test_tall_triangles_do_not_raise_the_top_of_a_storey(box_room: BoxRoom) -> None:
+    tower = box_room(height_m=9.0)
+    assert two_storeys(tower, 0.0).storey_mesh.bounds[1, 1] == 9.0
+    assert two_storeys(tower, 0.0).storey_top_y_m == 2.5
+    assert two_storeys(tower, 4.0, ceiling_y_m=None).storey_top_y_m == 9.0
+    assert Scene("hall", tower, 0.0, 2.5, (Storey(0, 0.0, 2.5, 14.0),), "test").storey_top_y_m == 9.0
+
+
 def test_storey_is_the_selected_one(box_room: BoxRoom) -> None:
     assert two_storeys(box_room(), 4.0).storey.index == 1
 

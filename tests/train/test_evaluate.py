@@ -97,6 +97,20 @@ def test_map_that_was_left_out_is_scored_when_it_is_asked_for(tmp_path, play, pl
     assert played == [with_map.key]
 
 
+def test_scoring_that_fails_is_reported_and_loses_no_row(tmp_path, play):
+    evaluation = make_evaluation(tmp_path, agents=["random"], scenes=["a.glb"], seeds=(0,), with_maps=False)
+    (job,) = evaluation.jobs()
+    append_row(tmp_path / ROWS_FILE, job.identity | {"comp_pct": 1.0, "map_left_out": True})
+    (failed,) = evaluate(
+        replace(evaluation, with_maps=True),
+        backend=HERE,
+        play=lambda job: job.identity | {"error": "MapError"},
+    )
+    assert failed["error"] == "MapError"
+    (kept,) = evaluate(evaluation, backend=HERE, play=play)
+    assert kept["comp_pct"] == 1.0
+
+
 @pytest.mark.slow
 def test_killed_run_goes_on_where_it_was(tmp_path):
     """The process group dies by SIGKILL in the middle; the second run adds exactly what is missing."""

@@ -91,6 +91,11 @@ def test_scene_of_a_dataset_is_named_by_its_file(tmp_path, monkeypatch):
     with pytest.raises(ValueError, match=r"the rows of gibson:Denmark in .* must come from"):
         check_scene_files(["gibson:Denmark"], [{"scene": "gibson:Denmark", "scene_file": first}], tmp_path)
     assert file_digest("home:flat:1") == ""
+    monkeypatch.delenv(ROOT_VARIABLE)
+    second = file_digest("gibson:Denmark", tmp_path)
+    check_scene_files(
+        ["gibson:Denmark"], [{"scene": "gibson:Denmark", "scene_file": second}], tmp_path, tmp_path
+    )
 
 
 def test_seed_is_no_setting():

@@ -6,6 +6,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from anm_gym.mesh import TriangleMesh
 from train.recorder import EpisodeRecorder, SimulatorClock, env_layers, find_attribute
 from train.runner import run_episode
 from train.scores import map_scores
@@ -131,9 +132,22 @@ def test_perfect_map_has_no_error(known_map, monkeypatch):
     """The map of a room whose field is exact and whose surface is the room itself."""
     monkeypatch.setattr("train.calibration.NUM_FREE", 600)
     neural_map = known_map()
-    row = map_scores(neural_map, SimpleNamespace(storey_mesh=neural_map.room))
+    room = neural_map.room
+    row = map_scores(neural_map, SimpleNamespace(mesh=room, storey_mesh=room, storey_top_y_m=2.5))
     assert row["mad_cm"] == pytest.approx(0.0, abs=1e-4)
     assert row["fpr_pct"] == 0.0
     assert row["mad_cm_official"] == pytest.approx(0.0, abs=1e-4)
     assert row["fpr_pct_official"] == pytest.approx(row["fpr_pct_official_floor"], abs=0.2)
     assert row["free_err_cm"] == pytest.approx(0.0, abs=1e-4)
+
+
+def test_surface_of_another_storey_is_not_false(known_map, monkeypatch):
+    """What was seen through a stairwell is true, though nobody asks for it."""
+    monkeypatch.setattr("train.calibration.NUM_FREE", 600)
+    neural_map = known_map()
+    room = neural_map.room
+    floor = TriangleMesh(room.vertices, room.faces[(room.triangles[:, :, 1] == 0.0).all(axis=1)])
+    row = map_scores(neural_map, SimpleNamespace(mesh=room, storey_mesh=floor, storey_top_y_m=2.5))
+    assert row["fpr_pct"] == 0.0
+    assert row["acc_cm"] == pytest.approx(0.0, abs=1e-4)
+    assert row["fpr_pct_official"] > 20.0, "the official measure knows the storey alone"

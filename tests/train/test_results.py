@@ -58,6 +58,12 @@ def test_later_row_replaces_an_earlier_one_of_its_key(path):
     assert [row["comp_pct"] for row in read_rows(path)] == [70.0]
 
 
+def test_failure_hides_no_row_that_is_there(path):
+    append_row(path, make_row(comp_pct=70.0))
+    append_row(path, make_row(error="MapError: broken"))
+    assert [row["comp_pct"] for row in read_rows(path)] == [70.0]
+
+
 def test_failed_episode_is_not_finished():
     good, bad = make_row(seed=0), make_row(seed=1, error="ValueError: no")
     assert finished_keys([good, bad]) == {row_key(good)}

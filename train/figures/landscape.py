@@ -185,7 +185,7 @@ class LandscapeTrace(Trace):
         return Landscape(
             points=points,
             false_step=chosen.step,
-            false_distance_m=float(MeshDistance(moment.scene.storey_mesh).distance_m(points[1:])[0]),
+            false_distance_m=float(MeshDistance(moment.scene.mesh).distance_m(points[1:])[0]),
             u=u,
             v=v,
             plane_m=landscape(self._snapshots[moment.step], plane, u, v, inputs),
@@ -258,7 +258,7 @@ def choose_false_point(found: Sequence[FalsePoints], moment: Moment) -> FalsePoi
     Raises:
         NoFalsePointError: If none is in free space.
     """
-    volume, truth = moment.neural_map.volume, MeshDistance(moment.scene.storey_mesh)
+    volume, truth = moment.neural_map.volume, MeshDistance(moment.scene.mesh)
     for candidates in sorted(found, key=lambda each: each.step):
         points = candidates.points[volume.state_at(candidates.points) == FREE]
         distance_m = truth.distance_m(points.astype(np.float64))

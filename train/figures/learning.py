@@ -71,7 +71,7 @@ class LearningTrace(Trace):
         """Take note of what was seen; score the map at a checkpoint."""
         if moment.step == 0:
             self._truth = moment.scene.storey_mesh
-            self._distance = MeshDistance(self._truth)
+            self._distance = MeshDistance(moment.scene.mesh)
             self._meter = CompletionMeter(self._truth, num_samples=SAMPLES)
         self._meter.observe(moment.observation["depth"], moment.camera, moment.pose)
         if moment.step in self._wanted:

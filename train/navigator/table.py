@@ -99,7 +99,7 @@ def compare_navigators(comparison: NavigationComparison, json_path: Path | None 
     """
     path = comparison.out / "episodes.jsonl"
     rows = {row_key(row, KEY): row for row in read_rows(path, KEY)}
-    check_scene_files(comparison.scenes, rows.values(), path)
+    check_scene_files(comparison.scenes, rows.values(), path, comparison.scene_options.get("root"))
     _check_scene_options(comparison, rows.values(), path)
     asked = _jobs(comparison)
     jobs = [missing for job in asked if (missing := _without(job, rows)).episodes]
@@ -124,7 +124,10 @@ def play(job: Job) -> list[Row]:
     else:
         results = [play_driven(job.navigator, episode, IMAGE_PX) for episode in job.episodes]
     first = job.episodes[0]
-    source: Row = {SCENE_FILE: file_digest(first.scene), "commit": versions()["commit"]}
+    source: Row = {
+        SCENE_FILE: file_digest(first.scene, dict(first.scene_options).get("root")),
+        "commit": versions()["commit"],
+    }
     if first.scene_options:
         source[SCENE_OPTIONS] = dict(first.scene_options)
     return [

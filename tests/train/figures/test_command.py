@@ -214,7 +214,7 @@ def test_extent_is_square_and_holds_the_path():
 def at_the_end(mesh, states):
     """Stand in for the end of an episode whose volume holds the given states."""
     volume = SimpleNamespace(state_at=lambda points: np.array(states)[: len(points)])
-    return SimpleNamespace(neural_map=SimpleNamespace(volume=volume), scene=SimpleNamespace(storey_mesh=mesh))
+    return SimpleNamespace(neural_map=SimpleNamespace(volume=volume), scene=SimpleNamespace(mesh=mesh))
 
 
 def test_false_point_is_the_free_one_farthest_from_any_surface(box_room):
