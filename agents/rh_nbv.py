@@ -20,8 +20,8 @@ from anm_gym.wrappers.goal import Goal, GoalLimits, GoalWrapper
 
 WAY_REASON: Final = "on the way"
 """Reason of a goal that is passed on the way to a view."""
-LIMITS: Final = GoalLimits(arrival_m=0.2, timeout_steps=100, review_steps=10)
-"""Ours: an edge is short."""
+LIMITS: Final = GoalLimits(arrival_m=0.2, timeout_steps=250, review_steps=10)
+"""Ours; an edge is short, but the way to where a former branch comes in sight need not be."""
 TREE: Final = RrtSettings(
     iterations=150, extension_m=1.0, neighbour_m=1.0, shrink_m=10.0, sampling="whole_map"
 )

@@ -48,7 +48,7 @@ class UpenSettings:
     avoids_seen: bool = False
     """Keep paths off what the agent's own map holds occupied too, as the navigator goes by that (ours)."""
     escape_m: float = 0.0
-    """This close to the agent nothing is in a path's way: it stands there, so there is room, metres (ours)."""
+    """So close to the agent nothing is in a path's way: it stands there, so there is room, metres (ours)."""
     retry_steps: int | None = None
     """Steps after which an agent without a path looks for one again (ours); None for when one is due."""
 
@@ -83,9 +83,9 @@ PRESETS: Final = {
 }
 """`strong`: the entropy of the members' mean instead of their variance, paths of three edges and more
 in the window, another one after 4 m, away from failures and from walls, seen or predicted (ours);
-`paper`: as published, with points drawn near the agent, which loses no path; `repo`: with the released code's lines beside the
-paths, points over the whole map and certainty for good; `metres`: `paper` with another path after
-2.5 m, as ten steps of 0.25 m are."""
+`paper`: as published, with points drawn near the agent, which loses no path; `repo`: with the
+released code's lines beside the paths, points over the whole map and certainty for good; `metres`:
+`paper` with another path after 2.5 m, as ten steps of 0.25 m are."""
 
 
 @lru_cache(maxsize=1)

@@ -18,7 +18,9 @@ from agents.occant_model import (
 )
 from anm_gym.actions import Action
 from anm_gym.envs.explore import ExploreEnv
+from anm_gym.map.reach import ReachableSpace
 from anm_gym.mesh import TriangleMesh
+from anm_gym.sim.grid import GridFrame
 
 Explore = Callable[..., ExploreEnv]
 FACING_THE_DOOR = (-2.0, 0.0, -np.pi / 2)
@@ -118,6 +120,18 @@ def test_goal_beyond_a_closed_room_is_moved_to_where_one_can_stand(
     assert env.goal.reason == "policy"
     assert env.get_wrapper_attr("simulator").grid.is_navigable(env.goal.position_xz)
     assert env.goal.position_xz[1] < -1.5
+
+
+def test_goal_of_a_caught_agent_lies_outside_of_what_it_can_reach(occant, monkeypatch) -> None:
+    env = occant(False)
+    cost_m = np.full((5, 5), np.inf)
+    cost_m[2, 2] = 0.0
+    own_cell = ReachableSpace(GridFrame(tuple(env.position_xz - 0.125), 0.05, (5, 5)), cost_m)
+    monkeypatch.setattr("agents.occant.reachable_space", lambda *_: own_cell)
+    before = len(env.failures)
+    decide(env, (0.0, -1.5))
+    assert env.goal.position_xz == pytest.approx([-0.5, 0.0], abs=0.3)
+    assert len(env.failures) == before
 
 
 def test_goal_stands_for_25_steps(occant) -> None:

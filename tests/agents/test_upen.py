@@ -9,6 +9,7 @@ from agents.upen_ensemble import Ensemble
 from agents.upen_map import UpenMapSettings
 from anm_gym.actions import Action
 from anm_gym.envs.explore import ExploreEnv
+from anm_gym.map.occupancy import CONTACT_REACH_M
 from anm_gym.map.projection import FREE, OCCUPIED, VOID
 from anm_gym.mesh import TriangleMesh
 from anm_gym.sim.grid_planning import RrtSettings
@@ -102,6 +103,35 @@ def test_paths_keep_their_distance_from_predicted_obstacles(upen) -> None:
     tight = env._blocked().sum()
     env.settings = replace(env.settings, clearance_m=0.2)
     assert 0 < tight < env._blocked().sum()
+
+
+def test_paths_avoid_what_was_touched_but_not_close_to_the_agent(upen) -> None:
+    env = upen()
+    env.reset(seed=0)
+    env.occupancy.mark_contact(env._pose)
+    frame, touched_xz = env.predicted_map.frame, env.position_xz + np.array([0.0, -CONTACT_REACH_M])
+    cell = tuple(frame.cells_of(touched_xz)[0])
+    assert not env._blocked()[cell]
+    env.settings = replace(env.settings, avoids_seen=True)
+    assert env._blocked()[cell]
+    env.settings = replace(env.settings, escape_m=0.3)
+    assert not env._blocked()[cell]
+
+
+@pytest.mark.parametrize(("retry_steps", "tries"), [(5, 4), (None, 2)])
+def test_agent_without_a_path_looks_for_one_again(upen, retry_steps: int | None, tries: int) -> None:
+    env = upen(retry_steps=retry_steps)
+    asked = []
+
+    def no_goal() -> None:
+        env._planned_steps = 0
+        asked.append(env.position_xz)
+
+    env._best_goal = no_goal
+    env.reset(seed=0)
+    assert env.goal.reason == "wander"
+    turn(env, 18)
+    assert len(asked) == tries
 
 
 def test_same_seed_repeats_the_goals(upen) -> None:
