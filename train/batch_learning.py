@@ -14,6 +14,7 @@ from torch import Tensor, nn, optim
 from tqdm import tqdm
 
 from train.progress_file import load_progress, save_progress
+from train.run_clock import RunClock
 
 CURVE_BATCHES: Final = 50
 """Batches whose mean loss is a point of the curve."""
@@ -101,7 +102,14 @@ class BatchLearner(ABC, Generic[DataT]):
 
 
 def follow(
-    learner: Learner, steps: Iterator[Any], total: int, path: Path, *, title: str, unit: str = "batch"
+    learner: Learner,
+    steps: Iterator[Any],
+    total: int,
+    path: Path,
+    clock: RunClock,
+    *,
+    title: str,
+    unit: str = "batch",
 ) -> None:
     """Take the steps that remain, with a bar that tells when it ends and checkpoints now and then.
 
@@ -110,6 +118,7 @@ def follow(
         steps: Its steps; each yields a loss, or a point of a curve with `gain_m2`.
         total: Number of steps, those that are done too.
         path: The checkpoint.
+        clock: Kept with it.
         title: What the bar says.
         unit: What a step is.
     """
@@ -120,5 +129,7 @@ def follow(
             text = f"{point['gain_m2']:.1f} m2" if isinstance(point, dict) else f"loss {point:.3f}"
             bar.set_postfix_str(text)
             learner.save(path)
+            clock.keep()
             saved_s = time.monotonic()
     learner.save(path)
+    clock.keep()

@@ -4,7 +4,6 @@ Command: ``python -m train.occant --out runs/occant``. A killed run goes on wher
 """
 
 import json
-import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -34,6 +33,7 @@ from train.option_names import spell_with_dashes
 from train.provenance import versions
 from train.quick import parse_quick_settings
 from train.results import write_json
+from train.run_clock import RunClock
 from train.run_folder import claim_folder
 
 
@@ -108,17 +108,18 @@ def train(training: OccAntTraining, out: Path) -> tuple[OccAntModel, dict[str, A
         out: Folder of the run.
 
     Returns:
-        The model, and its settings, curves and scores as plain values.
+        The model, and its settings, curves, scores and CPU time as plain values.
 
     Raises:
         ValueError: If `out` holds a run with other settings.
     """
     claim_folder(out, asdict(training))
     report: dict[str, Any] = {"settings": json.loads(json.dumps(asdict(training))), "versions": versions()}
-    anticipator = None
+    clock, anticipator = RunClock(out), None
     if training.model.anticipates:
-        anticipator, report["anticipator"] = _learn_to_anticipate(training, out)
-    learner, report["policy"] = _learn_to_choose(training, anticipator, out)
+        anticipator, report["anticipator"] = _learn_to_anticipate(training, out, clock)
+    learner, report["policy"] = _learn_to_choose(training, anticipator, out, clock)
+    report["cpu_s"] = clock.keep()
     return OccAntModel(training.model, learner.goal_net, anticipator), report
 
 
@@ -128,9 +129,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     training = training_of(options)
     out, name = Path(options.out), "occant" if training.model.anticipates else "ans"
     torch.set_num_threads(1)
-    start_s = time.process_time()
     model, report = train(training, out)
-    report["cpu_s"] = time.process_time() - start_s
     folders = [out, *([WEIGHTS_FOLDER] if options.install else [])]
     for folder in folders:
         save_model(model, folder / f"{name}.safetensors")
@@ -160,7 +159,9 @@ def format_coverage(policy: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _learn_to_anticipate(training: OccAntTraining, out: Path) -> tuple[Anticipator, dict[str, Any]]:
+def _learn_to_anticipate(
+    training: OccAntTraining, out: Path, clock: RunClock
+) -> tuple[Anticipator, dict[str, Any]]:
     learner, path = (
         AnticipatorLearner(training.model, training.anticipator, training.seed),
         out / "anticipator.safetensors",
@@ -170,24 +171,24 @@ def _learn_to_anticipate(training: OccAntTraining, out: Path) -> tuple[Anticipat
     if learner.num_done < training.anticipator.num_batches:
         seen = _gather(training, training_homes(training.frame_homes), out, "homes to learn from")
         total = training.anticipator.num_batches
-        follow(learner, learner.learn(seen), total, path, title="anticipator")
+        follow(learner, learner.learn(seen), total, path, clock, title="anticipator")
     unseen = _gather(training, unseen_homes(training.test_homes), out, "unseen homes")
     anticipator = learner.anticipator()
     return anticipator, {"curve": learner.curve, "scores": score_anticipator(anticipator, unseen)}
 
 
 def _learn_to_choose(
-    training: OccAntTraining, anticipator: Anticipator | None, out: Path
+    training: OccAntTraining, anticipator: Anticipator | None, out: Path, clock: RunClock
 ) -> tuple[GoalLearner, dict[str, Any]]:
     names = training_homes(training.goal_homes)
     worlds = _worlds(training, names, "homes to explore")
-    start, errors = _learn_gains(training, worlds, anticipator, out)
+    start, errors = _learn_gains(training, worlds, anticipator, out, clock)
     settings, seed = training.goals, training.seed
     learner = GoalLearner(training.model, training.twin, settings, worlds, anticipator, seed, start)
     path = out / "policy.safetensors"
     if path.exists():
         learner.load(path)
-    follow(learner, learner.learn(), training.goals.updates, path, title="policy", unit="update")
+    follow(learner, learner.learn(), training.goals.updates, path, clock, title="policy", unit="update")
     unseen = _worlds(training, unseen_homes(training.test_homes), "unseen homes")
     choosers = {
         "random goals": random_chooser(training.model.layout.num_goals),
@@ -204,7 +205,11 @@ def _learn_to_choose(
 
 
 def _learn_gains(
-    training: OccAntTraining, worlds: Sequence[TwinWorld], anticipator: Anticipator | None, out: Path
+    training: OccAntTraining,
+    worlds: Sequence[TwinWorld],
+    anticipator: Anticipator | None,
+    out: Path,
+    clock: RunClock,
 ) -> tuple[GoalNet | None, list[float]]:
     """Learn what goals are worth; None if there are no random ones to learn from."""
     settings, path = training.gains, out / "gains.safetensors"
@@ -216,7 +221,7 @@ def _learn_gains(
     if learner.num_done < settings.num_batches:
         kept = out / "random_goals.safetensors"
         gains = gains_of(worlds, training.twin, anticipator, settings.episodes, training.seed, kept)
-        follow(learner, learner.learn(gains), settings.num_batches, path, title="gains")
+        follow(learner, learner.learn(gains), settings.num_batches, path, clock, title="gains")
     return learner.goal_net(), learner.curve
 
 

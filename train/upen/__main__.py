@@ -4,7 +4,6 @@ Command: ``python -m train.upen --out runs/upen``. A killed run goes on where it
 """
 
 import json
-import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -22,6 +21,7 @@ from train.option_names import spell_with_dashes
 from train.provenance import versions
 from train.quick import parse_quick_settings
 from train.results import write_json
+from train.run_clock import RunClock
 from train.run_folder import claim_folder
 from train.upen.data import Crops, CropSettings, class_shares, crops_of, test_homes, training_homes
 from train.upen.learning import LearningSettings, MemberLearner, homes_of_member
@@ -74,21 +74,28 @@ def train(training: UpenTraining, out: Path) -> tuple[Ensemble, dict[str, Any]]:
         out: Folder of the run.
 
     Returns:
-        The ensemble, and its settings, curves and scores as plain values.
+        The ensemble, and its settings, curves, scores and CPU time as plain values.
 
     Raises:
         ValueError: If `out` holds a run with other settings.
     """
     claim_folder(out, asdict(training))
+    clock = RunClock(out)
     seen = _gather(training, training_homes(training.homes), out, "homes to learn from")
     unseen = _gather(training, test_homes(training.test_homes), out, "unseen homes")
-    learners = [_learn(training, member, seen, out) for member in range(training.raster.members)]
+    learners = [_learn(training, member, seen, out, clock) for member in range(training.raster.members)]
     ensemble = Ensemble(training.raster, [learner.net for learner in learners])
     majority = int(np.argmax(class_shares(Crops.joined(seen))))
     scores = evaluate(ensemble, Crops.joined(unseen), majority, training.seed)
     curves = [learner.curve for learner in learners]
     settings = json.loads(json.dumps(asdict(training)))
-    return ensemble, {"settings": settings, "curves": curves, "scores": scores, "versions": versions()}
+    return ensemble, {
+        "settings": settings,
+        "curves": curves,
+        "scores": scores,
+        "cpu_s": clock.keep(),
+        "versions": versions(),
+    }
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -96,9 +103,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = read_options(arguments)
     training, out = training_of(options), Path(options.out)
     torch.set_num_threads(1)
-    start_s = time.process_time()
     ensemble, report = train(training, out)
-    report["cpu_s"] = time.process_time() - start_s
     save_ensemble(ensemble, out / SHIPPED.name, is_half=True)
     written = [out / "upen.json", *([SHIPPED.with_suffix(".json")] if options.install else [])]
     for path in [*written, *([Path(options.json)] if options.json else [])]:
@@ -135,7 +140,9 @@ def _gather(training: UpenTraining, homes: Sequence[str], out: Path, title: str)
     ]
 
 
-def _learn(training: UpenTraining, member: int, seen: Sequence[Crops], out: Path) -> MemberLearner:
+def _learn(
+    training: UpenTraining, member: int, seen: Sequence[Crops], out: Path, clock: RunClock
+) -> MemberLearner:
     """Train a member, or finish it, or read it where it is finished."""
     settings, path = training.learning, out / "members" / f"{member}.safetensors"
     learner = MemberLearner(training.raster, settings, training.seed, member)
@@ -143,7 +150,7 @@ def _learn(training: UpenTraining, member: int, seen: Sequence[Crops], out: Path
         learner.load(path)
     homes = homes_of_member(len(seen), member, training.raster.members, settings, training.seed)
     crops = Crops.joined([seen[index] for index in homes])
-    follow(learner, learner.learn(crops), settings.num_batches, path, title=f"member {member}")
+    follow(learner, learner.learn(crops), settings.num_batches, path, clock, title=f"member {member}")
     return learner
 
 

@@ -96,7 +96,8 @@ def test_command_trains_writes_goes_on_and_ships(
     assert (out / "members" / "0.safetensors").read_bytes() == kept
     shipped, made = (load_ensemble(folder / "upen.safetensors") for folder in (tmp_path / "weights", out))
     assert shipped.identity == made.identity
-    assert (tmp_path / "weights" / "upen.json").exists()
+    again = json.loads((tmp_path / "weights" / "upen.json").read_text(encoding="utf-8"))
+    assert again["cpu_s"] > report["cpu_s"], "the time of the first start counts"
 
 
 def test_folder_of_another_run_is_refused(tmp_path: Path) -> None:
