@@ -48,7 +48,7 @@ class UpenSettings:
     avoids_seen: bool = False
     """Keep paths off what the agent's own map holds occupied too, as the navigator goes by that (ours)."""
     escape_m: float = 0.0
-    """So close to the agent nothing is in a path's way: it stands there, so there is room, metres (ours)."""
+    """So close to the agent only what was seen is in a path's way, not what is predicted, metres (ours)."""
     retry_steps: int | None = None
     """Steps after which an agent without a path looks for one again (ours); None for when one is due."""
 
@@ -182,16 +182,20 @@ class UpenGoalWrapper(GoalWrapper):
     def _blocked(self) -> NDArray[np.bool_]:
         """(rows, columns): the likeliest class is occupied, or that is too near; the unknown is not."""
         frame, settings = self._map.frame, self.settings
-        blocked = np.asarray(self._map.mean.argmax(axis=0) == OCCUPIED)
-        if settings.avoids_seen:
-            seen = self.occupancy
-            cells = frame.cells_of(seen.frame.centers_of(np.argwhere(seen.occupied)))
-            rows, columns = cells[frame.contains(cells)].T
-            blocked[rows, columns] = True
+        seen = self._seen_obstacles() if settings.avoids_seen else np.zeros(frame.shape, bool)
+        blocked = (self._map.mean.argmax(axis=0) == OCCUPIED) | seen
         if settings.clearance_m > 0.0 and blocked.any():
             blocked = ndimage.distance_transform_edt(~blocked) * frame.cell_m <= settings.clearance_m
         if settings.escape_m > 0.0:
             cells = np.argwhere(blocked)
             away_m = np.linalg.norm(frame.centers_of(cells) - self.position_xz, axis=1)
             blocked[tuple(cells[away_m <= settings.escape_m].T)] = False
-        return np.asarray(blocked)
+        return np.asarray(blocked | seen)
+
+    def _seen_obstacles(self) -> NDArray[np.bool_]:
+        """(rows, columns): what the agent's own map holds occupied."""
+        frame, grid = self._map.frame, self.occupancy
+        seen = np.zeros(frame.shape, bool)
+        cells = frame.cells_of(grid.frame.centers_of(np.argwhere(grid.occupied)))
+        seen[tuple(cells[frame.contains(cells)].T)] = True
+        return seen

@@ -105,17 +105,19 @@ def test_paths_keep_their_distance_from_predicted_obstacles(upen) -> None:
     assert 0 < tight < env._blocked().sum()
 
 
-def test_paths_avoid_what_was_touched_but_not_close_to_the_agent(upen) -> None:
-    env = upen()
+def test_paths_avoid_what_was_touched_but_may_pass_close_to_it_beside_the_agent(upen) -> None:
+    env = upen(clearance_m=0.2)
     env.reset(seed=0)
     env.occupancy.mark_contact(env._pose)
     frame, touched_xz = env.predicted_map.frame, env.position_xz + np.array([0.0, -CONTACT_REACH_M])
-    cell = tuple(frame.cells_of(touched_xz)[0])
-    assert not env._blocked()[cell]
+    touched, own = (tuple(frame.cells_of(place)[0]) for place in (touched_xz, env.position_xz))
+    assert not env._blocked()[touched]
     env.settings = replace(env.settings, avoids_seen=True)
-    assert env._blocked()[cell]
+    assert env._blocked()[touched]
+    assert env._blocked()[own]
     env.settings = replace(env.settings, escape_m=0.3)
-    assert not env._blocked()[cell]
+    assert env._blocked()[touched]
+    assert not env._blocked()[own]
 
 
 @pytest.mark.parametrize(("retry_steps", "tries"), [(5, 4), (None, 2)])
