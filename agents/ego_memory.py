@@ -70,7 +70,7 @@ class EgoMemorySettings:
                 f"got {self.behind_share}"
             )
         check_positive(self, "free_range_m", "ray_step_m")
-        if not all(cell_m > 0.0 for cell_m in self.cell_m):
+        if not self.cell_m or not all(cell_m > 0.0 for cell_m in self.cell_m):
             raise ValueError(f"`cell_m` must have numbers > 0, got {self.cell_m}")
         reach = 2 * (int(np.abs(AHEAD_OFFSETS).max() / self.cell_m[0]) + 2)
         if self.way_out.window_cells < reach:

@@ -49,7 +49,7 @@ def calibration_scores(neural_map: NeuralMap, mesh: TriangleMesh, true_distance:
     Args:
         neural_map: A map at the end of an episode.
         mesh: The true surface of the storey.
-        true_distance: `MeshDistance(mesh)`.
+        true_distance: Distance to the true surface, that of other storeys included.
 
     Returns:
         `mad_seen_cm`, `free_err_cm`, `sign_err_pct`, `auroc_seen`, `auroc_false`, `ause` and

@@ -20,6 +20,7 @@ from train.provenance import (
     environment_digest,
     file_digest,
     geometry_digest,
+    scenes_root,
     versions,
 )
 from train.recorder import EpisodeRecorder, Progress, SimulatorClock, find_attribute
@@ -86,8 +87,7 @@ class Job:
     @property
     def scenes_root(self) -> str | None:
         """Folder of the datasets, where the environment's arguments name one."""
-        root: str | None = (self.env_options.get("scene_options") or {}).get("root")
-        return root
+        return scenes_root(self.env_options)
 
     @property
     def key(self) -> Key:

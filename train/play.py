@@ -2,7 +2,6 @@
 
 import sys
 from collections.abc import Callable, Iterable, Sequence
-from itertools import groupby
 from pathlib import Path
 from typing import Any, Final
 
@@ -44,22 +43,23 @@ def play_missing(
     """
     path = out / ROWS_FILE
     rows = read_rows(path)
-    for root, some in groupby(jobs, lambda job: job.scenes_root):
-        check_scene_files((job.scene for job in some), rows, path, root)
+    for root in {job.scenes_root for job in jobs}:
+        check_scene_files((job.scene for job in jobs if job.scenes_root == root), rows, path, root)
     finished, scored = finished_keys(rows), finished_keys(row for row in rows if not row.get(MAP_LEFT_OUT))
     missing = [job for job in jobs if job.key not in (scored if job.with_maps else finished)]
     kept = {job.key for job in jobs} - {job.key for job in missing}
     settings = {_player(row): row.get("settings_hash") for row in rows if row_key(row) in kept}
-    played: list[Row] = []
+    failed: list[Row] = []
     bar = tqdm(total=len(jobs), initial=len(jobs) - len(missing), unit="episode", smoothing=0.1)
     with bar:
         for job, row in run_on(backend, play, missing):
             _check_settings(row, settings.get(_player(row)), path)
             append_row(path, row)
-            played.append(row)
+            if row.get("error"):
+                failed.append(row)
             bar.set_postfix_str(f"{job.name}: {_outcome(row)}")
             bar.update()
-    return _rows_of(jobs, [*read_rows(path), *played])
+    return _rows_of(jobs, [*read_rows(path), *failed])
 
 
 def add_backend_options(parser: ArgumentParser) -> None:

@@ -78,6 +78,12 @@ def geometry_digest(mesh: TriangleMesh) -> str:
     return hashed.hexdigest()[:16]
 
 
+def scenes_root(env_options: Mapping[str, Any] | None) -> str | None:
+    """Folder of the datasets, where arguments of the environment name one."""
+    root: str | None = ((env_options or {}).get("scene_options") or {}).get("root")
+    return root
+
+
 def file_digest(scene: str, root: str | Path | None = None) -> str:
     """Name the content of a scene's file, sixteen hexadecimal digits; empty for a scene that is generated.
 

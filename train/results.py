@@ -89,7 +89,7 @@ def read_rows(path: Path, fields: Sequence[str] = KEY_FIELDS) -> list[Row]:
         if missing:
             raise ValueError(f"line {number} of {path} must have the fields of a result row, lacks {missing}")
         key = row_key(row, fields)
-        if not row.get("error") or key not in rows:
+        if not row.get("error") or key not in rows or rows[key].get("error"):
             rows[key] = row
     return list(rows.values())
 

@@ -33,21 +33,26 @@ def claim_folder(
     """
     path, text = folder / SETTINGS_FILE, json.dumps(settings, indent=2) + "\n"
     folder.mkdir(parents=True, exist_ok=True)
+    is_same = _holds_same(folder, json.loads(text), may_change)
     if writes:
         _hold(folder)
-    if path.exists():
-        others = _differing(json.loads(text), read_settings(folder))
-        if refused := [name for name in others if name not in may_change]:
-            raise ValueError(
-                "`out` must be empty or hold a run with the same settings, got another "
-                f"`{refused[0]}` in {str(path)!r}; choose another folder"
-            )
-        if not others:
-            return
-    if writes:
-        partial = path.with_name(path.name + ".partial")
-        partial.write_text(text, encoding="utf-8")
-        partial.replace(path)
+        if not (is_same or _holds_same(folder, json.loads(text), may_change)):
+            partial = path.with_name(path.name + ".partial")
+            partial.write_text(text, encoding="utf-8")
+            partial.replace(path)
+
+
+def _holds_same(folder: Path, asked: Mapping[str, Any], may_change: Collection[str]) -> bool:
+    """Whether a folder holds exactly these settings; a ValueError if it holds others that may not change."""
+    if not (folder / SETTINGS_FILE).exists():
+        return False
+    others = _differing(asked, read_settings(folder))
+    if refused := [name for name in others if name not in may_change]:
+        raise ValueError(
+            "`out` must be empty or hold a run with the same settings, got another "
+            f"`{refused[0]}` in {str(folder / SETTINGS_FILE)!r}; choose another folder"
+        )
+    return not others
 
 
 def _hold(folder: Path) -> None:
@@ -55,7 +60,9 @@ def _hold(folder: Path) -> None:
     path = folder.resolve() / LOCK_FILE
     lock = _held.setdefault(path, FileLock(path, thread_local=False))
     if lock.is_locked:
-        return
+        if path.exists():
+            return
+        lock.release()  # the folder was removed and made again
     try:
         lock.acquire(timeout=0)
     except Timeout:

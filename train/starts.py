@@ -21,7 +21,7 @@ from anm_gym.scenes.datasets import ROOT_VARIABLE
 from train.command import parse_seeds, run_command
 from train.episodes import Start, make_env, scene_of
 from train.protocols import OPEN_SCENES, PROTOCOLS, Protocol, ProtocolScene, open_protocol
-from train.provenance import digest, geometry_digest
+from train.provenance import digest, geometry_digest, scenes_root
 
 FORMAT: Final = 1
 """Version of the file's layout."""
@@ -180,7 +180,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command."""
     options = _parser().parse_args(arguments)
     protocol = open_protocol(options.protocol, options.root)
-    protocol.require_scenes()
+    protocol.require_scenes(scenes_root(options.env))
     out = Path(options.out) if options.out else published_file(protocol, options.env)
     if out is None:
         raise ValueError(

@@ -102,5 +102,5 @@ def _version(name: str, options: Mapping[str, Any]) -> Version:
 
 
 @lru_cache(maxsize=NUM_SCENES)
-def _make(name: str, options: Options, _version: Version) -> Scene:
+def _make(name: str, options: Options, _file: Version) -> Scene:
     return make_scene(name, **dict(options))

@@ -37,7 +37,7 @@ def _parser() -> argparse.ArgumentParser:
         help="mesh (.glb .gltf .obj .ply .stl), floor plan (.json), home:<tier>:<seed>, or gibson:, mp3d:, "
         "hm3d: or replica:<scene> under $ANM_SCENES",
     )
-    mesh = parser.add_argument_group("mesh files only", argument_default=argparse.SUPPRESS)
+    mesh = parser.add_argument_group("meshes only", argument_default=argparse.SUPPRESS)
     mesh.add_argument("--up-axis", choices=UP_AXES, help="up axis; default: auto")
     mesh.add_argument("--unit", choices=tuple(METRES_PER_UNIT), help="unit; default: m")
     mesh.add_argument("--storey", type=int, help="index from the lowest; default: the largest")
@@ -65,7 +65,7 @@ def _load(options: argparse.Namespace) -> Scene | LoadedScene:
     if not takes_options(options.file):
         if given:
             names = ", ".join(f"--{name.replace('_', '-')}" for name in given)
-            raise ValueError(f"{options.file} must come without {names}; only mesh files take any")
+            raise ValueError(f"{options.file} must come without {names}; only meshes take any")
         return make_scene(options.file)
     load = load_dataset_scene if is_dataset_scene(options.file) else load_with_record
     return load(options.file, **given)

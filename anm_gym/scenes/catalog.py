@@ -1,5 +1,6 @@
 """One string names any scene: a mesh file, a dataset's scene, a floor plan, or a procedural home."""
 
+import re
 from typing import Any, Final
 
 from anm_gym.errors import BackendError, SceneError
@@ -11,6 +12,7 @@ from anm_gym.scenes.scene import Scene
 
 HOME_PREFIX: Final = "home:"
 """What the name of a procedural home begins with."""
+_SEED: Final = re.compile(r"0|[1-9][0-9]{0,17}")
 
 
 def make_scene(spec: str, **options: Any) -> Scene:
@@ -53,11 +55,10 @@ def _make_home(name: str) -> Scene:
     tier, _, seed = name.removeprefix(HOME_PREFIX).partition(":")
     if tier not in TIERS:
         raise SceneError(f"the tier in {name!r} must be one of {', '.join(TIERS)}, got {tier!r}")
-    # One home has one name: rows and files of it would not be taken for each other otherwise.
-    if not (seed.isascii() and seed.isdigit() and seed == str(int(seed))):
+    if not _SEED.fullmatch(seed):  # one home has one name, so no leading zeros
         raise SceneError(
-            f"the seed in {name!r} must be an integer >= 0 without leading zeros, got {seed!r}; "
-            f"e.g. 'home:{tier}:7'"
+            f"the seed in {name!r} must be an integer >= 0 of at most 18 digits, without leading zeros, "
+            f"got {seed!r}; e.g. 'home:{tier}:7'"
         )
     return make_home(tier, int(seed))
 

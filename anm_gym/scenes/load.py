@@ -106,11 +106,12 @@ def _upright(cleaned: CleanMesh, file: Path) -> tuple[CleanMesh, tuple[Storey, .
     usual = y_up(cleaned.mesh, axis)
     storeys = find_storeys(usual)
     area_m2 = dict(zip("xyz", flat_area_peaks_m2(cleaned.mesh).tolist(), strict=True))
-    turned = y_up(cleaned.mesh, other)
-    if area_m2[axis] >= area_m2[other] or not stands_upright(turned):
+    if storeys and area_m2[axis] >= area_m2[other]:
         return replace(cleaned, mesh=usual), storeys
+    turned = y_up(cleaned.mesh, other)
     other_storeys = find_storeys(turned)
-    if not _is_more_plausible(other_storeys, storeys):
+    is_level = area_m2[other] > area_m2[axis]
+    if not _is_more_plausible(other_storeys, storeys) or not _is_room(turned, other_storeys, is_level):
         return replace(cleaned, mesh=usual), storeys
     repair = (
         f"took {other} as the up axis although {file.suffix} files have {axis} up: the mesh has its floors "
@@ -128,6 +129,12 @@ def _is_more_plausible(candidate: tuple[Storey, ...], usual: tuple[Storey, ...])
         return True
     is_larger = best.navigable_area_m2 > known.navigable_area_m2
     return is_larger and _is_room_high(best) and not _is_room_high(known)
+
+
+def _is_room(mesh: TriangleMesh, storeys: tuple[Storey, ...], is_level: bool) -> bool:
+    """Whether a mesh that was turned is a room, rather than walls without a floor on their side."""
+    best = max(storeys, key=lambda s: s.navigable_area_m2)
+    return _is_room_high(best) or (is_level and (best.ceiling_y_m is None or stands_upright(mesh)))
 
 
 def _is_room_high(storey: Storey) -> bool:

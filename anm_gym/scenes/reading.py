@@ -52,7 +52,6 @@ def read_triangles(path: str | Path) -> RawMesh:
     """
     file = _checked_file(Path(path))
     parts = list(_parts_of(_parse(file), file))
-    _check_count(file, sum(len(part.faces) for part in parts))
     sizes = np.cumsum([0] + [len(part.vertices) for part in parts[:-1]])
     return RawMesh(
         np.concatenate([part.vertices for part in parts]),
@@ -75,6 +74,8 @@ def _checked_file(path: Path) -> Path:
         raise SceneError(f"{path} must hold a mesh, got an empty file; copy or export it again")
     _check_first_bytes(path, suffix)
     _check_compression(path, suffix)
+    if suffix == ".ply":
+        _check_lines(path)
     return path
 
 
@@ -111,6 +112,24 @@ def _check_compression(path: Path, suffix: str) -> None:
         )
 
 
+def _check_lines(path: Path) -> None:
+    """Refuse PLY text with fewer lines than its header promises: the parser takes what is there."""
+    with path.open("rb") as file:
+        head = [
+            line.split() for line in itertools.takewhile(lambda line: line.strip() != b"end_header", file)
+        ]
+        if [b"format", b"ascii"] not in [words[:2] for words in head]:
+            return
+        counts = [words[2] for words in head if words[:1] == [b"element"] and len(words) == 3]
+        promised = sum(int(count) for count in counts if count.isdigit())
+        lines = sum(not line.isspace() for line in file)
+    if lines < promised:
+        raise SceneError(
+            f"{path} must hold the {promised} lines of data that its header promises, got {lines}; "
+            "it may be truncated: copy or export it again"
+        )
+
+
 def _parse(path: Path) -> trimesh.Scene:
     try:
         return trimesh.load_scene(path, process=False)
@@ -119,21 +138,6 @@ def _parse(path: Path) -> trimesh.Scene:
         raise SceneError(
             f"{path} cannot be read as {path.suffix} ({reason}); it may be truncated: copy or export it again"
         ) from error
-
-
-def _check_count(path: Path, num_faces: int) -> None:
-    """Refuse a PLY file with fewer faces than its header says: its parser takes what is there."""
-    if path.suffix.lower() != ".ply":
-        return
-    with path.open("rb") as file:
-        head = itertools.takewhile(lambda line: line.strip() != b"end_header", file)
-        words = [line.split() for line in head]
-    promised = next((int(line[2]) for line in words if line[:2] == [b"element", b"face"]), 0)
-    if num_faces < promised:
-        raise SceneError(
-            f"{path} must hold the {promised} faces that its header names, got {num_faces}; "
-            "it may be truncated: copy or export it again"
-        )
 
 
 def _parts_of(scene: trimesh.Scene, path: Path) -> Iterator[RawMesh]:

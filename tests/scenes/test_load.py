@@ -95,6 +95,33 @@ def test_small_room_of_the_wrong_axis_is_told_by_its_height(tmp_path: Path, box_
     assert len(scene.repairs) == 1
 
 
+def without_walls(mesh: TriangleMesh, *facing: tuple[int, float]) -> TriangleMesh:
+    """Leave out the walls that lie across an axis at a coordinate."""
+    kept = np.ones(len(mesh.faces), bool)
+    for axis, at_m in facing:
+        kept &= ~(np.abs(mesh.triangles[:, :, axis] - at_m) < 1e-6).all(axis=1)
+    return TriangleMesh(mesh.vertices, mesh.faces[kept])
+
+
+@pytest.mark.parametrize(
+    ("size_m", "open_to"),
+    [
+        ((10.0, 1.2, 2.5), []),
+        ((30.0, 4.0, 2.5), [(0, -15.0), (0, 15.0)]),
+        ((20.0, 6.0, 2.5), [(0, -10.0), (0, 10.0), (1, 2.5)]),
+        ((6.0, 5.0, 2.5), [(0, -3.0), (0, 3.0), (1, 2.5), (2, 2.5)]),
+    ],
+    ids=["narrow", "open ends", "two walls", "one wall"],
+)
+def test_scene_of_the_wrong_axis_need_not_be_closed_or_wide(
+    tmp_path: Path, box_room: BoxRoom, size_m: tuple[float, float, float], open_to: list[tuple[int, float]]
+) -> None:
+    scene = load_scene(save(tmp_path / "part.glb", z_up(without_walls(box_room(*size_m), *open_to))))
+    assert len(scene.repairs) == 1
+    assert scene.floor_y_m == pytest.approx(0.0, abs=1e-3)
+    assert scene.storey.navigable_area_m2 == pytest.approx((size_m[0] - 0.2) * (size_m[1] - 0.2), rel=0.1)
+
+
 def test_corridor_narrower_than_high_keeps_the_axis_of_its_format(tmp_path: Path, box_room: BoxRoom) -> None:
     corridor = box_room(10.0, 2.2, 2.6)
     assert flat_area_peaks_m2(corridor)[2] > flat_area_peaks_m2(corridor)[1]

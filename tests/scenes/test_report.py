@@ -170,10 +170,7 @@ def test_command_tells_what_is_wrong_and_fails(tmp_path: Path, capsys: pytest.Ca
 
 def test_command_refuses_options_that_would_do_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["home:studio:0", "--unit", "m", "--storey", "0"]) == 1
-    assert (
-        "home:studio:0 must come without --unit, --storey; only mesh files take any"
-        in capsys.readouterr().err
-    )
+    assert "home:studio:0 must come without --unit, --storey; only meshes take any" in capsys.readouterr().err
 
 
 def test_scene_is_examined_where_there_is_no_embree(room_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:

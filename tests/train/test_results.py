@@ -64,6 +64,12 @@ def test_failure_hides_no_row_that_is_there(path):
     assert [row["comp_pct"] for row in read_rows(path)] == [70.0]
 
 
+def test_later_failure_replaces_an_earlier_one(path):
+    append_row(path, make_row(error="MapError: old"))
+    append_row(path, make_row(error="MapError: new"))
+    assert [row["error"] for row in read_rows(path)] == ["MapError: new"]
+
+
 def test_failed_episode_is_not_finished():
     good, bad = make_row(seed=0), make_row(seed=1, error="ValueError: no")
     assert finished_keys([good, bad]) == {row_key(good)}

@@ -1,3 +1,4 @@
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -63,8 +64,22 @@ def test_folder_that_another_process_writes_to_is_refused_until_that_one_ends(tm
         with pytest.raises(ValueError, match="`out` must be a folder that no other process writes to"):
             claim_folder(tmp_path, {})
         claim_folder(tmp_path, {}, writes=False)
+        with pytest.raises(ValueError, match="got another `seed`"):
+            claim_folder(tmp_path, {"seed": 1})
         other.kill()
     claim_folder(tmp_path, {})
+
+
+def test_refused_run_holds_nothing_and_a_folder_made_anew_is_held_anew(tmp_path: Path) -> None:
+    claim_folder(tmp_path / "run", {"seed": 1}, writes=False)
+    (tmp_path / "run" / SETTINGS_FILE).write_text('{"seed": 1}', encoding="utf-8")
+    with pytest.raises(ValueError, match="got another `seed`"):
+        claim_folder(tmp_path / "run", {"seed": 2})
+    assert not (tmp_path / "run" / LOCK_FILE).exists()
+    claim_folder(tmp_path / "run", {"seed": 1})
+    shutil.rmtree(tmp_path / "run")
+    claim_folder(tmp_path / "run", {"seed": 2})
+    assert (tmp_path / "run" / LOCK_FILE).exists()
 
 
 @pytest.mark.parametrize("text", ['{"net": {', "[1]", "3"])

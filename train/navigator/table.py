@@ -12,6 +12,7 @@ from agents.learned_navigator import LearnedSettings
 from agents.navigators import LEARNED, NAVIGATORS
 from agents.policy_file import load_policy, policy_identity
 from anm_gym.metrics.intervals import mean_interval, wilson_interval
+from anm_gym.scenes.catalog import takes_options
 from train.command import check_scene_names, scene_label
 from train.navigator.driven import play_driven
 from train.navigator.episodes import NavigationEpisode, episodes_of, play_learned
@@ -119,17 +120,14 @@ def compare_navigators(comparison: NavigationComparison, json_path: Path | None 
 
 def play(job: Job) -> list[Row]:
     """Play the episodes of a job."""
+    scene, options = job.episodes[0].scene, dict(job.episodes[0].scene_options)
+    source: Row = {SCENE_FILE: file_digest(scene, options.get("root")), "commit": versions()["commit"]}
+    if read_with := _options_of(scene, options):
+        source[SCENE_OPTIONS] = read_with
     if (weights := _weights_of(job.navigator)) is not None:
         results = play_learned(load_policy(weights), job.episodes, deterministic=job.deterministic)
     else:
         results = [play_driven(job.navigator, episode, IMAGE_PX) for episode in job.episodes]
-    first = job.episodes[0]
-    source: Row = {
-        SCENE_FILE: file_digest(first.scene, dict(first.scene_options).get("root")),
-        "commit": versions()["commit"],
-    }
-    if first.scene_options:
-        source[SCENE_OPTIONS] = dict(first.scene_options)
     return [
         {**dict(zip(KEY, key, strict=True)), **result, **source}
         for key, result in zip(_keys(job), results, strict=True)
@@ -232,13 +230,20 @@ def _jobs(comparison: NavigationComparison) -> list[Job]:
     ]
 
 
+def _options_of(scene: str, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Options that decide how a scene is read: not where datasets lie, and none for homes and plans."""
+    chosen = options if takes_options(scene) else {}
+    return {name: value for name, value in chosen.items() if name != "root"}
+
+
 def _check_scene_options(comparison: NavigationComparison, rows: Iterable[Row], path: Path) -> None:
     """Refuse to go on with rows of scenes that were read with other options."""
-    asked, labels = dict(comparison.scene_options), {scene_label(name) for name in comparison.scenes}
+    asked = {scene_label(name): _options_of(name, comparison.scene_options) for name in comparison.scenes}
     for row in rows:
-        if row["scene"] in labels and (played := row.get(SCENE_OPTIONS, {})) != asked:
+        played, wanted = row.get(SCENE_OPTIONS, {}), asked.get(row["scene"])
+        if wanted is not None and played != wanted:
             raise ValueError(
-                f"the rows of {row['scene']} in {path} must be read with `scene_options` {asked}, "
+                f"the rows of {row['scene']} in {path} must be read with `scene_options` {wanted}, "
                 f"got {played}; write to another `--out` folder"
             )
 

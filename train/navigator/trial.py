@@ -1,5 +1,6 @@
 """One step of what a run would do, before it claims its folder: settings that cannot work claim none."""
 
+from contextlib import closing
 from dataclasses import replace
 from typing import Any
 
@@ -20,13 +21,14 @@ def try_out(training: NavigatorTraining, hardware: Hardware) -> None:
         hardware: Where it computes.
 
     Raises:
-        ValueError: If a camera or step fits no home, or the network is not made for the images.
+        ValueError: If a camera or a step does not fit the homes that are tried, or the network the images.
         BackendError: If what draws depth is missing.
     """
     studios = replace(training.domain, tiers={"studio": 1.0})  # the homes that are made quickest
     bodies = len(studios.forward_step_m) * len(studios.sensor_height_m)
     env = NavigationVecEnv(training.net, studios, min(bodies, training.num_agents), training.seed, hardware)
-    shown: Any = env.reset()
+    with closing(env):
+        shown: Any = env.reset()
     try:
         with torch.inference_mode():
             NavigatorNet(training.net).encoder(obs_as_tensor(shown, torch.device("cpu")))
@@ -34,5 +36,3 @@ def try_out(training: NavigatorTraining, hardware: Hardware) -> None:
         raise ValueError(
             f"`net` must be made for what agents see, got {error}; choose other sizes"
         ) from error
-    finally:
-        env.close()

@@ -9,7 +9,7 @@ from train.backends import Backend
 from train.episodes import Job, split_agent
 from train.play import play_missing
 from train.protocols import Protocol
-from train.provenance import versions
+from train.provenance import scenes_root, versions
 from train.results import Row, write_json
 from train.starts import SceneStarts, StartTable, starts_for
 
@@ -85,7 +85,7 @@ def play_table(run: TableRun, backend: Backend) -> list[Row]:
     Raises:
         SceneError: If scenes of the protocol are missing.
     """
-    run.protocol.require_scenes()
+    run.protocol.require_scenes(scenes_root(run.env_options))
     starts = starts_for(run.protocol, run.seeds, run.out, run.env_options)
     write_json(run.out / "settings.json", {**asdict(run), "versions": versions()})
     return play_missing(run.jobs(starts), run.out, backend)
