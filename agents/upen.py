@@ -45,19 +45,11 @@ class UpenSettings:
     """Distance that paths keep from predicted obstacles, metres; none in the paper's code."""
     blacklist_m: float = 0.0
     """Paths that end this close to a goal that failed are left out, metres."""
-    avoids_seen: bool = False
-    """Keep paths off what the agent's own map holds occupied too, as the navigator goes by that (ours)."""
-    escape_m: float = 0.0
-    """So close to the agent only what was seen is in a path's way, not what is predicted, metres (ours)."""
-    retry_steps: int | None = None
-    """Steps after which an agent without a path looks for one again (ours); None for when one is due."""
 
     def __post_init__(self) -> None:
         if self.replan_steps is None and self.replan_m is None:
             raise ValueError("`replan_steps` or `replan_m` must be given, got neither")
-        check_at_least(self, 0.0, "clearance_m", "blacklist_m", "escape_m")
-        if self.retry_steps is not None:
-            check_at_least(self, 1, "retry_steps")
+        check_at_least(self, 0.0, "clearance_m", "blacklist_m")
 
 
 PRESETS: Final = {
@@ -69,9 +61,6 @@ PRESETS: Final = {
         replan_m=4.0,
         clearance_m=0.1,
         blacklist_m=0.5,
-        avoids_seen=True,
-        escape_m=0.25,
-        retry_steps=10,
     ),
     "paper": UpenSettings(),
     "repo": UpenSettings(
@@ -82,10 +71,10 @@ PRESETS: Final = {
     "metres": UpenSettings(replan_steps=None, replan_m=2.5),
 }
 """`strong`: the entropy of the members' mean instead of their variance, paths of three edges and more
-in the window, another one after 4 m, away from failures and from walls, seen or predicted (ours);
-`paper`: as published, with points drawn near the agent, which loses no path; `repo`: with the
-released code's lines beside the paths, points over the whole map and certainty for good; `metres`:
-`paper` with another path after 2.5 m, as ten steps of 0.25 m are."""
+in the window, another one after 4 m, away from failures and from predicted walls (ours); `paper`: as
+published, with points drawn near the agent, which loses no path; `repo`: with the released code's lines
+beside the paths, points over the whole map and certainty for good; `metres`: `paper` with another path
+after 2.5 m, as ten steps of 0.25 m are."""
 
 
 @lru_cache(maxsize=1)
@@ -154,12 +143,10 @@ class UpenGoalWrapper(GoalWrapper):
         return self._best_goal()
 
     def _review_goal(self, goal: Goal) -> Goal | None:
-        return (self._best_goal() or goal) if self._is_due(goal) else goal
+        return (self._best_goal() or goal) if self._is_due() else goal
 
-    def _is_due(self, goal: Goal) -> bool:
+    def _is_due(self) -> bool:
         settings = self.settings
-        if goal.reason != REASON and settings.retry_steps is not None:
-            return self._planned_steps >= settings.retry_steps
         in_steps = settings.replan_steps is not None and self._planned_steps >= settings.replan_steps
         return in_steps or (settings.replan_m is not None and self._walked_m >= settings.replan_m)
 
@@ -181,21 +168,8 @@ class UpenGoalWrapper(GoalWrapper):
 
     def _blocked(self) -> NDArray[np.bool_]:
         """(rows, columns): the likeliest class is occupied, or that is too near; the unknown is not."""
-        frame, settings = self._map.frame, self.settings
-        seen = self._seen_obstacles() if settings.avoids_seen else np.zeros(frame.shape, bool)
-        blocked = (self._map.mean.argmax(axis=0) == OCCUPIED) | seen
-        if settings.clearance_m > 0.0 and blocked.any():
-            blocked = ndimage.distance_transform_edt(~blocked) * frame.cell_m <= settings.clearance_m
-        if settings.escape_m > 0.0:
-            cells = np.argwhere(blocked)
-            away_m = np.linalg.norm(frame.centers_of(cells) - self.position_xz, axis=1)
-            blocked[tuple(cells[away_m <= settings.escape_m].T)] = False
-        return np.asarray(blocked | seen)
-
-    def _seen_obstacles(self) -> NDArray[np.bool_]:
-        """(rows, columns): what the agent's own map holds occupied."""
-        frame, grid = self._map.frame, self.occupancy
-        seen = np.zeros(frame.shape, bool)
-        cells = frame.cells_of(grid.frame.centers_of(np.argwhere(grid.occupied)))
-        seen[tuple(cells[frame.contains(cells)].T)] = True
-        return seen
+        occupied = np.asarray(self._map.mean.argmax(axis=0) == OCCUPIED)
+        if self.settings.clearance_m == 0.0 or not occupied.any():
+            return occupied
+        distance = ndimage.distance_transform_edt(~occupied)
+        return np.asarray(distance * self._map.frame.cell_m <= self.settings.clearance_m)

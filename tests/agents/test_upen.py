@@ -9,7 +9,6 @@ from agents.upen_ensemble import Ensemble
 from agents.upen_map import UpenMapSettings
 from anm_gym.actions import Action
 from anm_gym.envs.explore import ExploreEnv
-from anm_gym.map.occupancy import CONTACT_REACH_M
 from anm_gym.map.projection import FREE, OCCUPIED, VOID
 from anm_gym.mesh import TriangleMesh
 from anm_gym.sim.grid_planning import RrtSettings
@@ -105,37 +104,6 @@ def test_paths_keep_their_distance_from_predicted_obstacles(upen) -> None:
     assert 0 < tight < env._blocked().sum()
 
 
-def test_paths_avoid_what_was_touched_but_may_pass_close_to_it_beside_the_agent(upen) -> None:
-    env = upen(clearance_m=0.2)
-    env.reset(seed=0)
-    env.occupancy.mark_contact(env._pose)
-    frame, touched_xz = env.predicted_map.frame, env.position_xz + np.array([0.0, -CONTACT_REACH_M])
-    touched, own = (tuple(frame.cells_of(place)[0]) for place in (touched_xz, env.position_xz))
-    assert not env._blocked()[touched]
-    env.settings = replace(env.settings, avoids_seen=True)
-    assert env._blocked()[touched]
-    assert env._blocked()[own]
-    env.settings = replace(env.settings, escape_m=0.3)
-    assert env._blocked()[touched]
-    assert not env._blocked()[own]
-
-
-@pytest.mark.parametrize(("retry_steps", "tries"), [(5, 4), (None, 2)])
-def test_agent_without_a_path_looks_for_one_again(upen, retry_steps: int | None, tries: int) -> None:
-    env = upen(retry_steps=retry_steps)
-    asked = []
-
-    def no_goal() -> None:
-        env._planned_steps = 0
-        asked.append(env.position_xz)
-
-    env._best_goal = no_goal
-    env.reset(seed=0)
-    assert env.goal.reason == "wander"
-    turn(env, 18)
-    assert len(asked) == tries
-
-
 def test_same_seed_repeats_the_goals(upen) -> None:
     env, runs = upen(), []
     for _ in range(2):
@@ -166,7 +134,6 @@ def test_unknown_preset_lists_the_choices(
     [
         ({"replan_steps": None}, "`replan_steps` or `replan_m` must be given, got neither"),
         ({"clearance_m": -1.0}, r"`clearance_m` must be >= 0, got -1\.0"),
-        ({"retry_steps": 0}, "`retry_steps` must be >= 1, got 0"),
     ],
 )
 def test_senseless_settings_are_refused(options: dict[str, float], message: str) -> None:
