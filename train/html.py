@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from train.whole_file import write_whole
+
 
 @dataclass(frozen=True)
 class Section:
@@ -54,9 +56,8 @@ def page(title: str, subtitle: str, sections: Iterable[Section]) -> str:
 def write_page(path: Path, text: str) -> Path:
     """Write the page as UTF-8, whole or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_suffix(".partial")
-    partial.write_text(text, encoding="utf-8")
-    return partial.replace(path)
+    write_whole(path, text)
+    return path
 
 
 def table(headings: Sequence[str], rows: Sequence[Sequence[Cell]]) -> str:

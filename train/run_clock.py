@@ -5,6 +5,8 @@ import time
 from pathlib import Path
 from typing import Final, final
 
+from train.whole_file import write_whole
+
 CLOCK_FILE: Final = "cpu_s.json"
 
 
@@ -24,7 +26,5 @@ class RunClock:
     def keep(self) -> float:
         """Write the time so far, and return it, seconds."""
         cpu_s = self._offset_s + time.process_time()
-        partial = self._path.with_name(self._path.name + ".partial")
-        partial.write_text(json.dumps(cpu_s) + "\n", encoding="utf-8")
-        partial.replace(self._path)
+        write_whole(self._path, json.dumps(cpu_s) + "\n")
         return cpu_s

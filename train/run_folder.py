@@ -7,6 +7,8 @@ from typing import Any, Final
 
 from filelock import FileLock, Timeout
 
+from train.whole_file import write_whole
+
 SETTINGS_FILE: Final = "settings.json"
 LOCK_FILE: Final = "run.lock"
 """Locked, by the operating system, while a run is under way; an unlocked one means nothing."""
@@ -33,13 +35,12 @@ def claim_folder(
     """
     path, text = folder / SETTINGS_FILE, json.dumps(settings, indent=2) + "\n"
     folder.mkdir(parents=True, exist_ok=True)
-    is_same = _holds_same(folder, json.loads(text), may_change)
+    asked = json.loads(text)
+    is_same = _holds_same(folder, asked, may_change)
     if writes:
         _hold(folder)
-        if not (is_same or _holds_same(folder, json.loads(text), may_change)):
-            partial = path.with_name(path.name + ".partial")
-            partial.write_text(text, encoding="utf-8")
-            partial.replace(path)
+        if not (is_same or _holds_same(folder, asked, may_change)):
+            write_whole(path, text)
 
 
 def _holds_same(folder: Path, asked: Mapping[str, Any], may_change: Collection[str]) -> bool:

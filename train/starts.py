@@ -22,6 +22,7 @@ from train.command import parse_seeds, run_command
 from train.episodes import Start, make_env, scene_of
 from train.protocols import OPEN_SCENES, PROTOCOLS, Protocol, ProtocolScene, open_protocol
 from train.provenance import digest, geometry_digest, scenes_root
+from train.whole_file import write_whole
 
 FORMAT: Final = 1
 """Version of the file's layout."""
@@ -151,9 +152,7 @@ def write_starts(path: Path, protocol_name: str, table: StartTable) -> Path:
         "scenes": scenes,
     }
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{path.name}.partial")
-    partial.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    partial.replace(path)
+    write_whole(path, json.dumps(content, indent=1) + "\n")
     return path
 
 
