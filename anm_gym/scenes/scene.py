@@ -10,9 +10,10 @@ import numpy as np
 
 from anm_gym.errors import SceneError
 from anm_gym.mesh import TriangleMesh
+from anm_gym.scenes.slab import slab_of
 
 SLAB_MARGIN_M = 0.3
-"""How far a storey's mesh reaches under its floor and over its ceiling: a slab's thickness (ours)."""
+"""How far a storey's mesh reaches at most under its floor and over its ceiling: a slab's thickness (ours)."""
 
 
 @dataclass(frozen=True)
@@ -66,29 +67,32 @@ class Scene:
 
     @cached_property
     def storey_mesh(self) -> TriangleMesh:
-        """The triangles that touch the selected storey; all of them where there is but one.
+        """What of the mesh belongs to the selected storey; all of it where there is but one.
 
-        A triangle counts when it reaches into [floor - 0.3 m, ceiling + 0.3 m]; without a ceiling
-        the next storey's floor bounds it, or nothing.
+        The mesh is cut in the middle of the slab under the floor and of the one over the ceiling, at most
+        0.3 m from them, so that a wall counts as far as this storey has it, and no floor or ceiling of
+        another storey does. Without a ceiling it reaches to the slab under the next floor, or has no end.
         """
         if len(self.storeys) == 1:
             return self.mesh
-        low_m, high_m = self.floor_y_m - SLAB_MARGIN_M, self._top_y_m + SLAB_MARGIN_M
-        heights_m = self.mesh.triangles[:, :, 1]
-        kept = (heights_m.max(axis=1) >= low_m) & (heights_m.min(axis=1) <= high_m)
-        colors = self.mesh.face_colors
-        return TriangleMesh(
-            self.mesh.vertices, self.mesh.faces[kept], None if colors is None else colors[kept]
-        )
+        return slab_of(self.mesh, self._bottom_cut_y_m, self._top_cut_y_m)
 
     @property
     def storey_top_y_m(self) -> float:
-        """How high `storey_mesh` is the selected storey's, metres; its tall triangles may reach farther."""
-        return float(min(self._top_y_m if len(self.storeys) > 1 else np.inf, self.storey_mesh.bounds[1, 1]))
+        """Height up to which there is surface of the selected storey, its ceiling's, metres."""
+        ceiling_m = np.inf if self.ceiling_y_m is None or len(self.storeys) == 1 else self.ceiling_y_m
+        return float(min(ceiling_m, self.storey_mesh.bounds[1, 1]))
 
     @property
-    def _top_y_m(self) -> float:
-        if self.ceiling_y_m is not None:
-            return self.ceiling_y_m
-        above = [s.floor_y_m for s in self.storeys if s.floor_y_m > self.floor_y_m]
-        return min(above, default=float(np.inf))
+    def _bottom_cut_y_m(self) -> float:
+        ceilings = [s.ceiling_y_m for s in self.storeys if s.ceiling_y_m is not None]
+        below_m = max((y_m for y_m in ceilings if y_m <= self.floor_y_m), default=-np.inf)
+        return max(self.floor_y_m - SLAB_MARGIN_M, (below_m + self.floor_y_m) / 2)
+
+    @property
+    def _top_cut_y_m(self) -> float:
+        own_m = self.floor_y_m if self.ceiling_y_m is None else self.ceiling_y_m
+        above_m = min((s.floor_y_m for s in self.storeys if s.floor_y_m > own_m), default=np.inf)
+        if self.ceiling_y_m is None:
+            return float(above_m - SLAB_MARGIN_M / 2)
+        return float(min(self.ceiling_y_m + SLAB_MARGIN_M, (self.ceiling_y_m + above_m) / 2))

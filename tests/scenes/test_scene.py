@@ -32,7 +32,7 @@ def test_single_storey_mesh_is_the_whole_mesh(box_room: BoxRoom) -> None:
     assert scene.storey_mesh is mesh
 
 
-def test_storey_mesh_holds_the_faces_that_touch_the_storey(box_room: BoxRoom) -> None:
+def test_storey_mesh_holds_the_faces_of_the_storey(box_room: BoxRoom) -> None:
     room = box_room()
     scene = two_storeys(stacked(room, 4.0), 0.0)
     assert len(scene.storey_mesh.faces) == len(room.faces)
@@ -41,20 +41,41 @@ def test_storey_mesh_holds_the_faces_that_touch_the_storey(box_room: BoxRoom) ->
     assert (scene.storey_mesh.face_colors == (0, 0, 255)).all()
 
 
-def test_storey_without_ceiling_reaches_up_to_the_next_floor_or_the_sky(box_room: BoxRoom) -> None:
+def test_storey_without_ceiling_reaches_up_to_the_next_slab_or_the_sky(box_room: BoxRoom) -> None:
     room = box_room()
     mesh = stacked(room, 4.0)
     upper = two_storeys(mesh, 4.0, ceiling_y_m=None)
     assert len(upper.storey_mesh.faces) == len(room.faces)
-    lower = two_storeys(mesh, 0.0, ceiling_y_m=None)
-    assert lower.storey_mesh.bounds[1, 1] == 6.5
+    tower = two_storeys(box_room(height_m=9.0), 0.0, ceiling_y_m=None)
+    assert tower.storey_mesh.bounds[1, 1] == pytest.approx(3.85)
+    assert two_storeys(box_room(height_m=9.0), 4.0, ceiling_y_m=None).storey_top_y_m == 9.0
 
 
-def test_tall_triangles_do_not_raise_the_top_of_a_storey(box_room: BoxRoom) -> None:
+def test_walls_through_several_storeys_are_cut_in_the_slabs(box_room: BoxRoom) -> None:
+    scene = two_storeys(box_room(height_m=9.0), 0.0)
+    np.testing.assert_allclose(scene.storey_mesh.bounds[:, 1], [0.0, 2.8])
+    assert scene.storey_top_y_m == 2.5
+    walls_m2, floor_m2 = 4 * 4.0 * 2.8, 4.0 * 4.0
+    assert scene.storey_mesh.areas_m2.sum() == pytest.approx(walls_m2 + floor_m2)
+
+
+def test_thin_slab_is_shared_between_the_storeys(box_room: BoxRoom) -> None:
+    pair = stacked(box_room(), 2.7)
+    storeys = (Storey(0, 0.0, 2.5, 14.0), Storey(1, 2.7, 5.2, 14.0))
+    lower, upper = (Scene("pair", pair, s.floor_y_m, s.ceiling_y_m, storeys, "test") for s in storeys)
+    np.testing.assert_allclose(lower.storey_mesh.bounds[:, 1], [0.0, 2.5])
+    np.testing.assert_allclose(upper.storey_mesh.bounds[:, 1], [2.7, 5.2])
+
+
+def test_floor_beside_a_storey_does_not_cut_it(box_room: BoxRoom) -> None:
+    """On split levels the next floor lies under this one's ceiling."""
+    storeys = (Storey(0, 0.0, 2.5, 14.0), Storey(1, 2.0, 4.5, 14.0))
+    scene = Scene("split", box_room(height_m=9.0), 0.0, 2.5, storeys, "test")
+    assert scene.storey_mesh.bounds[1, 1] == pytest.approx(2.8)
+
+
+def test_single_storey_is_as_high_as_its_mesh(box_room: BoxRoom) -> None:
     tower = box_room(height_m=9.0)
-    assert two_storeys(tower, 0.0).storey_mesh.bounds[1, 1] == 9.0
-    assert two_storeys(tower, 0.0).storey_top_y_m == 2.5
-    assert two_storeys(tower, 4.0, ceiling_y_m=None).storey_top_y_m == 9.0
     assert Scene("hall", tower, 0.0, 2.5, (Storey(0, 0.0, 2.5, 14.0),), "test").storey_top_y_m == 9.0
 
 
