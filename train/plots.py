@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from anm_gym.metrics.intervals import mean_interval
+from train.tables.reliability import ReliabilityBin
 
 PALETTE: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#555555")
 """Okabe and Ito's colours, told apart by every kind of colour vision."""
@@ -18,6 +19,11 @@ STROKES: Final = (("-", ""), ("--", "– – "), (":", "··· "))
 MIN_BAND_CURVES: Final = 3
 """Fewer curves have intervals too wide to be drawn."""
 
+MAX_BAND_ALPHA: Final = 0.15
+"""Opacity of a band."""
+BANDS_ALPHA: Final = 0.4
+"""Opacity of all bands together: many of them would hide the curves."""
+
 _MARKERS: Final = ("o", "s", "^", "D", "v", "P", "X")
 _SMALLEST_M: Final = 1e-5
 _TEXT: Final = "#333333"
@@ -26,7 +32,7 @@ _GRID: Final = "#e5e5e5"
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """One episode's value over steps or metres, held constant after its end."""
+    """One episode's value over steps or metres, straight between its points and constant after its end."""
 
     x: NDArray[np.float64]
     """(T,) not decreasing."""
@@ -36,9 +42,9 @@ class Curve:
     """Where it was played."""
 
     def at(self, x: ArrayLike) -> NDArray[np.float64]:
-        """Read the curve as a staircase: the last value at or before each `x`."""
-        index = np.searchsorted(self.x, np.asarray(x, np.float64), side="right") - 1
-        return np.asarray(self.y[np.clip(index, 0, len(self.y) - 1)], np.float64)
+        """Read the curve between its points; of points at the same `x` the last one counts."""
+        last = np.append(np.diff(self.x) > 0.0, True)
+        return np.asarray(np.interp(np.asarray(x, np.float64), self.x[last], self.y[last]), np.float64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +74,11 @@ def mean_band(curves: Sequence[Curve], x: NDArray[np.float64]) -> Band:
     return Band(x, mean, low, high)
 
 
+def band_alpha(num_bands: int) -> float:
+    """Opacity at which so many bands leave the curves to be seen."""
+    return min(MAX_BAND_ALPHA, BANDS_ALPHA / max(num_bands, 1))
+
+
 def plot_curves(
     axes: Any,
     groups: Mapping[str, Sequence[Curve]],
@@ -83,7 +94,7 @@ def plot_curves(
         color = PALETTE[index % len(PALETTE)]
         band = mean_band(curves, x)
         if len(curves) >= MIN_BAND_CURVES:
-            axes.fill_between(x, band.low, band.high, color=color, alpha=0.15, linewidth=0)
+            axes.fill_between(x, band.low, band.high, color=color, alpha=band_alpha(len(groups)), linewidth=0)
         dashes, sign = STROKES[index // len(PALETTE) % len(STROKES)]
         axes.plot(x, band.mean, color=color, linewidth=2.0, linestyle=dashes)
         ends.append((float(band.mean[-1]), sign + name, color))
@@ -138,11 +149,11 @@ def completion_figure(
     return _save(result, path)
 
 
-def reliability_figure(curves: Mapping[str, NDArray[np.float64]], path: Path) -> Path:
+def reliability_figure(curves: Mapping[str, Sequence[ReliabilityBin]], path: Path) -> Path:
     """Draw true against predicted errors on logarithmic axes, one line per group, and save the PNG.
 
     Args:
-        curves: By group, (B, 2) predicted standard deviation and root mean square error, metres.
+        curves: By group, its bins; bars reach from the lowest to the highest scene of each.
         path: Where the PNG goes.
 
     Returns:
@@ -150,14 +161,22 @@ def reliability_figure(curves: Mapping[str, NDArray[np.float64]], path: Path) ->
     """
     result, (axes,) = figure(1, width_in=7.6, height_in=4.6)
     axes.axline((1.0, 1.0), (10.0, 10.0), color=_TEXT, linewidth=1.0, linestyle=":", label="as predicted")
-    for index, (name, curve) in enumerate(curves.items()):
-        std_cm, error_cm = 100.0 * np.maximum(curve, _SMALLEST_M).T
+    errors = []
+    for index, (name, bins) in enumerate(curves.items()):
+        predicted_cm = 100.0 * np.array([each.predicted_m for each in bins])
+        ratios = np.array([(each.ratio, each.lowest_ratio, each.highest_ratio) for each in bins]).T
+        error_cm, low_cm, high_cm = np.maximum(predicted_cm * ratios, 100.0 * _SMALLEST_M)
         color, line = PALETTE[index % len(PALETTE)], ("-", "--")[index // len(PALETTE) % 2]
-        axes.plot(std_cm, error_cm, line, color=color, linewidth=2.0, marker="o", markersize=4.5, label=name)
-    for name, values in zip("xy", np.concatenate(list(curves.values())).T, strict=True):
-        _make_logarithmic(axes, name, 100.0 * np.maximum(values, _SMALLEST_M))
+        look = {"color": color, "linewidth": 2.0, "marker": "o", "markersize": 4.5, "label": name}
+        beside = 1.03 ** (index - (len(curves) - 1) / 2)  # so that bars of groups do not cover each other
+        axes.vlines(predicted_cm * beside, low_cm, high_cm, color=color, alpha=0.5, linewidth=1.0)
+        axes.plot(predicted_cm * beside, error_cm, line, **look)
+        errors += [low_cm, high_cm]
+    predicted_m = [each.predicted_m for bins in curves.values() for each in bins]
+    _make_logarithmic(axes, "x", 100.0 * np.array(predicted_m))
+    _make_logarithmic(axes, "y", np.concatenate(errors))
     axes.set_xlabel("predicted standard deviation (cm)")
-    axes.set_ylabel("root mean square error (cm)")
+    axes.set_ylabel("root mean square error (cm), range over scenes")
     axes.legend(frameon=False, fontsize=9, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return _save(result, path)
 
@@ -228,17 +247,29 @@ def _all(groups: Mapping[str, Sequence[Curve]]) -> list[Curve]:
 
 def _label_ends(axes: Any, ends: Sequence[tuple[float, str, str]], x_max: float) -> None:
     """Write each group's name at its line's right end, spread so that no two names touch."""
-    spacing = 0.065 * float(np.ptp(axes.get_ylim()))
-    previous = -np.inf
-    for value, name, color in sorted(ends):
-        previous = max(value, previous + spacing)
+    low, high = axes.get_ylim()
+    ordered = sorted(ends)
+    places = spread_labels([value for value, _, _ in ordered], 0.065 * (high - low), high)
+    for (value, name, color), place in zip(ordered, places, strict=True):
         axes.annotate(
             name,
             xy=(x_max, value),
-            xytext=(1.01 * x_max, previous),
+            xytext=(1.01 * x_max, place),
             color=color,
             fontsize=9,
             fontweight="bold",
             va="center",
             annotation_clip=False,
         )
+
+
+def spread_labels(values: Sequence[float], spacing: float, highest: float) -> list[float]:
+    """Places near ascending values, at least `spacing` apart and none above `highest`."""
+    places: list[float] = []
+    for value in values:
+        places.append(max(value, places[-1] + spacing) if places else value)
+    limit = highest
+    for index in reversed(range(len(places))):
+        places[index] = min(places[index], limit)
+        limit = places[index] - spacing
+    return places

@@ -21,7 +21,6 @@ from train.tables.comparison import (
     estimate,
     group_by_agent,
     make_table,
-    mean_reliability,
     paired_differences,
     with_oracle_share,
 )
@@ -35,30 +34,36 @@ from train.tables.measures import (
     agent_name,
     value_of,
 )
+from train.tables.reliability import ReliabilityBin, gather_reliability
 from train.tables.text import INTERVAL, columns_of, format_estimate, notes
 from train.trajectory import Trajectory
 
 
 @dataclass(frozen=True, eq=False)
 class EpisodeCurves:
-    """Completion curves by agent, of the episodes that have one."""
+    """Completion curves by agent, of the starts for which every agent has one: others would not compare."""
 
     over_steps: dict[str, list[Curve]]
     """Over steps."""
     over_metres: dict[str, list[Curve]]
     """Over metres."""
-    missing: tuple[Row, ...]
-    """Rows without a curve, as earlier versions left them, and without a trajectory."""
+    missing: int
+    """Episodes without a curve, as earlier versions left them, and without a trajectory."""
+    unshared: int
+    """Episodes with a curve, from a start for which another agent has none."""
 
     @property
     def num_found(self) -> int:
-        """Episodes with a curve."""
+        """Episodes whose curves are here."""
         return sum(map(len, self.over_steps.values()))
 
     @property
-    def share(self) -> str:
-        """How many of the episodes have a curve: `3 of 4 episodes`."""
-        return f"{self.num_found} of {self.num_found + len(self.missing)} episodes"
+    def gap(self) -> str:
+        """What is lacking, in words; empty if nothing is."""
+        total = self.num_found + self.missing + self.unshared
+        why = [f"{self.missing} have no curve in their row and no trajectory here"] * bool(self.missing)
+        why += [f"{self.unshared} are from starts that not all agents have"] * bool(self.unshared)
+        return f"{self.num_found} of {total} episodes: {', '.join(why)}" if why else ""
 
 
 def write_report(out: Path, rows: Sequence[Row], title: str) -> Path:
@@ -106,19 +111,21 @@ def load_curves(out: Path, rows: Sequence[Row], max_steps: int) -> EpisodeCurves
         rows: Result rows of episodes that did not fail.
         max_steps: Where the curves end.
     """
+    found = [(row, curve) for row in rows if (curve := _curve_of(out, row)) is not None]
+    agents = {agent_name(row["agent"], row["preset"]) for row in rows}
+    at_start: dict[tuple[str, int], set[str]] = defaultdict(set)
+    for row, _ in found:
+        at_start[row["scene"], row["seed"]].add(agent_name(row["agent"], row["preset"]))
     steps: dict[str, list[Curve]] = defaultdict(list)
     metres: dict[str, list[Curve]] = defaultdict(list)
-    missing: list[Row] = []
-    for row in rows:
-        found = _curve_of(out, row)
-        if found is None:
-            missing.append(row)
-            continue
-        step, path_m, comp_pct = (values[found[0] <= max_steps] for values in found)
+    shared = [(row, curve) for row, curve in found if at_start[row["scene"], row["seed"]] == agents]
+    for row, curve in shared:
+        step, path_m, comp_pct = (values[curve[0] <= max_steps] for values in curve)
         name = agent_name(row["agent"], row["preset"])
         steps[name].append(Curve(step, comp_pct, row["scene"]))
         metres[name].append(Curve(path_m, comp_pct, row["scene"]))
-    return EpisodeCurves(dict(steps), dict(metres), tuple(missing))
+    missing, unshared = len(rows) - len(found), len(found) - len(shared)
+    return EpisodeCurves(dict(steps), dict(metres), missing, unshared)
 
 
 def _curve_of(out: Path, row: Row) -> tuple[NDArray[np.float64], ...] | None:
@@ -136,8 +143,7 @@ def _curve_of(out: Path, row: Row) -> tuple[NDArray[np.float64], ...] | None:
 def _completion(out: Path, curves: EpisodeCurves, steps: int) -> str:
     """Draw the curves and say whose are not there; without any, an earlier picture stays as it is."""
     about = f"Completion over the {steps} steps that all scenes have, and over metres walked in them."
-    gap = f"Curves of {curves.share}: the others have none in their rows, and no trajectory here."
-    note = html.paragraph(gap) if curves.missing else ""
+    note = html.paragraph(f"Curves of {curves.gap}.") if curves.gap else ""
     if not curves.num_found:
         return note
     picture = completion_figure(curves.over_steps, curves.over_metres, steps, out / "curves.png")
@@ -242,12 +248,33 @@ def _calibration(out: Path, table: Table, rows: Sequence[Row]) -> str:
         "it has seen: distance predicted on seen surface, error in crossed free space, share of it taken "
         "for solid."
     )
-    groups = {agent_name(*key): mean_reliability(group) for key, group in group_by_agent(rows).items()}
-    curves = {name: curve for name, curve in groups.items() if len(curve)}
+    groups = {agent_name(*key): gather_reliability(group) for key, group in group_by_agent(rows).items()}
+    curves = {name: bins for name, bins in groups.items() if bins}
     picture = reliability_figure(curves, out / "reliability.png") if curves else out / "none"
-    caption = "True against predicted error of the zero-crossings, in ten bins; on the line they are equal."
-    comparison = _comparison(lines, CALIBRATION_MEASURES)
-    return comparison + html.paragraph(note) + html.image(picture, caption)
+    caption = (
+        "True against predicted error of the zero-crossings, gathered by what was predicted; on the line they"
+        " are equal. Bars reach from the scene with the least error to the one with the greatest."
+    )
+    comparison = _comparison(lines, CALIBRATION_MEASURES) + html.paragraph(note)
+    return comparison + html.image(picture, caption) + _reliability(curves)
+
+
+def _reliability(curves: Mapping[str, Sequence[ReliabilityBin]]) -> str:
+    """The picture in numbers."""
+    headings = ["agent", "predicted (cm)", "true (cm)", "true / predicted", "by scene", "share (%)"]
+    body = [
+        [
+            Cell(name),
+            _number([100.0 * each.predicted_m], 2),
+            _number([100.0 * each.error_m], 2),
+            _number([each.ratio], 2),
+            Cell(f"{each.lowest_ratio:.2f} to {each.highest_ratio:.2f}"),
+            _number([each.share_pct], 0),
+        ]
+        for name, bins in curves.items()
+        for each in bins
+    ]
+    return html.table(headings, body) if body else ""
 
 
 def _episodes(rows: Sequence[Row]) -> str:

@@ -1,4 +1,4 @@
-"""Curves: staircases, bands, and that a picture comes out."""
+"""Curves: their values between points, bands, and that a picture comes out."""
 
 import math
 
@@ -12,13 +12,27 @@ from train.plots import (
     mean_band,
     plot_curves,
     reliability_figure,
+    spread_labels,
     tradeoff_figure,
 )
+from train.tables.reliability import ReliabilityBin
 
 
-def test_curve_is_a_staircase_held_after_its_end():
+def test_curve_is_straight_between_points_and_held_after_its_end():
     curve = Curve(np.array([0.0, 1.0, 1.0, 2.0]), np.array([0.0, 5.0, 6.0, 9.0]))
-    np.testing.assert_array_equal(curve.at([-1.0, 0.5, 1.0, 1.9, 2.0, 50.0]), [0.0, 0.0, 6.0, 6.0, 9.0, 9.0])
+    np.testing.assert_allclose(curve.at([-1.0, 0.5, 1.0, 1.5, 2.0, 50.0]), [0.0, 3.0, 6.0, 7.5, 9.0, 9.0])
+
+
+def test_coarse_curve_does_not_lag_behind_a_fine_one():
+    fine = Curve(np.arange(101.0), np.arange(101.0))
+    coarse = Curve(np.arange(0.0, 101.0, 20.0), np.arange(0.0, 101.0, 20.0))
+    np.testing.assert_allclose(coarse.at(np.arange(101.0)), fine.at(np.arange(101.0)))
+
+
+def test_labels_keep_apart_and_within_the_axes():
+    assert spread_labels([1.0, 1.5, 8.0], 1.0, 10.0) == [1.0, 2.0, 8.0]
+    assert spread_labels([8.0, 9.5, 9.6, 9.7], 1.0, 10.0) == [7.0, 8.0, 9.0, 10.0]
+    assert spread_labels([], 1.0, 10.0) == []
 
 
 def test_band_of_two_curves_matches_the_t_distribution():
@@ -68,8 +82,11 @@ def test_curves_of_one_colour_differ_in_strokes():
     assert sum(label.startswith("– – ") for label in labels) == 7
 
 
-def test_reliability_is_drawn_even_where_nothing_was_predicted(tmp_path):
-    curves = {"anm:best": np.array([[0.01, 0.02], [0.1, 0.2]]), "anm:paper": np.zeros((1, 2))}
+def test_reliability_is_drawn_even_where_no_error_was_made(tmp_path):
+    curves = {
+        "anm:best": [ReliabilityBin(0.01, 0.02, 50.0, 1.5, 2.5), ReliabilityBin(0.1, 0.2, 50.0, 2.0, 2.0)],
+        "anm:paper": [ReliabilityBin(0.01, 0.0, 100.0, 0.0, 0.0)],
+    }
     path = reliability_figure(curves, tmp_path / "sub" / "reliability.png")
     assert path.read_bytes().startswith(b"\x89PNG")
 

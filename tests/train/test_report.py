@@ -74,7 +74,7 @@ def make_curve_row(out, seed, is_kept=True):
 def test_curves_of_a_part_of_the_episodes_say_so(report, tmp_path):
     rows = [make_curve_row(tmp_path, seed, is_kept=seed != 1) for seed in range(3)]
     text = report(rows)
-    assert "Curves of 2 of 3 episodes: the others have none in their rows, and no trajectory" in text
+    assert "Curves of 2 of 3 episodes: 1 have no curve in their row and no trajectory here." in text
     assert "data:image/png;base64," in text
     assert "Curves of" not in report([rows[0], rows[2]])
 

@@ -15,16 +15,12 @@ from numpy.typing import NDArray
 
 from train.figures.map_probe import Numbers
 from train.play import ROWS_FILE
-from train.plots import MIN_BAND_CURVES, PALETTE, Band, Curve, figure, mean_band
+from train.plots import MIN_BAND_CURVES, PALETTE, Band, Curve, band_alpha, figure, mean_band
 from train.provenance import versions
 from train.report import load_curves
 from train.results import Row, read_rows
 from train.tables.comparison import make_table
 
-MAX_BAND_ALPHA: Final = 0.15
-"""Opacity of a band."""
-BANDS_ALPHA: Final = 0.4
-"""Opacity of all bands together: many of them would hide the curves."""
 MAX_POINTS: Final = 201
 """Points of a curve, all at whole steps."""
 _LINES: Final = ("-", "--", ":")
@@ -44,13 +40,13 @@ class Panel:
     episodes: Mapping[str, int]
     """Episodes by agent."""
     missing: int = 0
-    """Episodes of the table that have no curve in their row, and no trajectory here."""
-    is_paired: bool = True
-    """Whether every agent has the same scenes and seeds; else their curves cannot be compared."""
+    """Episodes of the table that are not drawn."""
+    gap: str = ""
+    """How many are drawn, and why not all, in words; empty if all are."""
 
     @property
     def num_episodes(self) -> int:
-        """Episodes with a curve."""
+        """Episodes that are drawn."""
         return sum(self.episodes.values())
 
 
@@ -67,16 +63,9 @@ class CompletionCurves:
 
     @property
     def gap(self) -> str:
-        """What is lacking: episodes without a curve, episodes that only some have; empty if nothing is."""
-        found = sum(panel.num_episodes for panel in self.panels)
-        missing = sum(panel.missing for panel in self.panels) + self.num_failed
-        failed = f", {self.num_failed} of them failed" if self.num_failed else ""
-        lacks = []
-        if missing:
-            lacks.append(f"{found} of {found + missing} episodes, the others without a curve{failed}")
-        if not all(panel.is_paired for panel in self.panels):
-            lacks.append("the agents do not have the same scenes and seeds")
-        return "; ".join(lacks)
+        """What is lacking: episodes that are not drawn, by budget, and failed ones; empty if nothing is."""
+        lacks = [panel.gap for panel in self.panels if panel.gap]
+        return "; ".join(lacks + [f"{self.num_failed} failed"] * bool(self.num_failed))
 
     def numbers(self) -> Numbers:
         """Give the curves as plain arrays."""
@@ -126,8 +115,9 @@ def gather_curves(run: Path) -> CompletionCurves:
     panels = tuple(_panel(run, steps, by_budget[steps]) for steps in sorted(by_budget))
     if not any(panel.bands for panel in panels):
         raise FileNotFoundError(
-            f"{run} must hold curves or trajectories of its {len(rows)} episodes, got none; copy them "
-            "there, or play the episodes again in an empty folder with `python -m train.tables table1`"
+            f"{run} must hold curves or trajectories of a start that all its agents have, got none in "
+            f"{len(rows)} episodes; copy them there, or play the episodes again in an empty folder with "
+            "`python -m train.tables table1`"
         )
     return CompletionCurves(table.protocol, panels, len(played) - len(rows))
 
@@ -142,8 +132,8 @@ def _panel(run: Path, steps: int, rows: Sequence[Row]) -> Panel:
         tuple(sorted({row["scene"] for row in rows})),
         {name: bands[name] for name in best_first},
         {name: len(loaded.over_steps[name]) for name in best_first},
-        len(loaded.missing),
-        make_table(rows).is_paired,
+        loaded.missing + loaded.unshared,
+        loaded.gap,
     )
 
 
@@ -168,11 +158,12 @@ def _whole_steps(budget: int) -> NDArray[np.float64]:
 
 
 def _draw_panel(axis: Any, panel: Panel, styles: Mapping[str, tuple[str, str]]) -> None:
-    alpha = min(MAX_BAND_ALPHA, BANDS_ALPHA / len(panel.bands))
     for name, band in panel.bands.items():
         color, line = styles[name]
         if panel.episodes[name] >= MIN_BAND_CURVES:
-            axis.fill_between(band.x, band.low, band.high, color=color, alpha=alpha, linewidth=0)
+            axis.fill_between(
+                band.x, band.low, band.high, color=color, alpha=band_alpha(len(panel.bands)), linewidth=0
+            )
         label = f"{name} ({band.mean[-1]:.0f} %)"
         axis.plot(band.x, band.mean, color=color, linestyle=line, linewidth=1.8, label=label)
     axis.set_xlim(0.0, panel.steps)
@@ -182,6 +173,5 @@ def _draw_panel(axis: Any, panel: Panel, styles: Mapping[str, tuple[str, str]]) 
     total = panel.num_episodes + panel.missing
     title = [f"{count} scene{'s' if count > 1 else ''}", f"{panel.steps} steps"]
     title += [f"{panel.num_episodes} of {total} episodes"] * bool(panel.missing)
-    title += ["not the same starts for all"] * (not panel.is_paired)
     axis.set_title(", ".join(title), fontsize=10)
     axis.legend(frameon=False, fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))

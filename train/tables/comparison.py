@@ -2,12 +2,11 @@
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anm_gym.metrics.intervals import Interval, mean_interval, paired_difference
 from train.results import Row
@@ -134,24 +133,6 @@ def paired_differences(rows: Iterable[Row], reference: str, key: str = "comp_pct
     }
     others = {name: own for name, own in values.items() if name != reference}
     return {name: paired_difference(own, values[reference]) for name, own in others.items()}
-
-
-def mean_reliability(rows: Iterable[Mapping[str, Any]]) -> NDArray[np.float64]:
-    """Average the reliability of episodes, bin by bin.
-
-    Args:
-        rows: Result rows; those without `reliability`, or with fewer bins than most, are left out.
-
-    Returns:
-        (B, 2) predicted standard deviation and root mean square error, metres; (0, 2) without any.
-    """
-    found = [np.asarray(row["reliability"], np.float64) for row in rows if row.get("reliability")]
-    most = max((len(each) for each in found), default=0)
-    if most == 0:
-        return np.zeros((0, 2))
-    stacked = np.stack([each for each in found if len(each) == most])
-    weights = np.broadcast_to(stacked[..., 2:], stacked[..., :2].shape)
-    return np.asarray(np.sqrt(np.average(stacked[..., :2] ** 2, axis=0, weights=weights)))
 
 
 def _agent_line(agent: str, preset: str, rows: Sequence[Row]) -> AgentLine:

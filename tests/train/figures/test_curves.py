@@ -57,7 +57,7 @@ def test_failed_episode_has_no_curve(run):
     append_row(run / ROWS_FILE, row | {"error": "MapError: no"})
     curves = gather_curves(run)
     assert curves.panels[0].episodes["fbe"] == 3
-    assert curves.gap == "6 of 7 episodes, the others without a curve, 1 of them failed"
+    assert curves.gap == "1 failed"
 
 
 def test_run_without_rows_names_the_command(tmp_path):
@@ -74,7 +74,7 @@ def test_run_whose_trajectories_are_gone_is_refused_with_their_number(run):
     lose(run, *(f"{agent}_a_{seed}.npz" for agent in ("anm", "fbe") for seed in range(3)))
     with pytest.raises(
         FileNotFoundError,
-        match=rf"{run} must hold curves or trajectories of its 6 episodes, got none; copy them",
+        match=rf"{run} must hold curves or trajectories of a start that all its agents have, got none in 6 ",
     ):
         gather_curves(run)
 
@@ -83,12 +83,14 @@ def test_figure_says_how_many_of_the_episodes_it_shows(run, tmp_path, capsys):
     leave_episode(run, "fbe", 0, np.linspace(0.0, 40.0, 9), scene="b")
     lose(run, "fbe_a_1.npz", "fbe_b_0.npz")
     curves = gather_curves(run)
-    assert [(panel.num_episodes, panel.missing) for panel in curves.panels] == [(5, 1), (0, 1)]
+    assert [(panel.num_episodes, panel.missing) for panel in curves.panels] == [(4, 2), (0, 1)]
     main(["fig5", "--run", str(run), "--out", str(tmp_path / "out")])
-    assert "fig5_p.png, 5 of 7 episodes, the others without a curve, numbers" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "4 of 6 episodes: 1 have no curve in their row and no trajectory here, 1 are from starts" in said
+    assert "0 of 1 episodes: 1 have no curve" in said
     (numbers,) = (tmp_path / "out").glob("*.json")
     assert [panel["episodes_missing"] for panel in json.loads(numbers.read_text())["data"]["panels"]] == [
-        1,
+        2,
         1,
     ]
 
@@ -99,17 +101,18 @@ def test_title_of_a_panel_says_how_many_episodes_it_shows(run, tmp_path, monkeyp
     gather_curves(run).draw(tmp_path / "whole.png")
     lose(run, "fbe_a_1.npz")
     gather_curves(run).draw(tmp_path / "part.png")
-    assert titles == ["1 scene, 4 steps", "1 scene, 4 steps, 5 of 6 episodes"]
+    assert titles == ["1 scene, 4 steps", "1 scene, 4 steps, 4 of 6 episodes"]
 
 
-def test_figure_says_that_some_agents_have_other_episodes(run, tmp_path, monkeypatch):
-    titles = []
-    monkeypatch.setattr("matplotlib.axes.Axes.set_title", lambda axis, text, **_: titles.append(text))
-    leave_episode(run, "fbe", 3, np.linspace(0.0, 40.0, 5))
+def test_agents_are_compared_from_the_starts_that_all_have(run):
+    leave_episode(run, "fbe", 3, np.linspace(0.0, 100.0, 5))
+    lose(run, "anm_a_0.npz")
     curves = gather_curves(run)
-    assert curves.gap == "the agents do not have the same scenes and seeds"
-    curves.draw(tmp_path / "unlike.png")
-    assert titles == ["1 scene, 4 steps, not the same starts for all"]
+    (panel,) = curves.panels
+    assert panel.episodes == {"anm": 2, "fbe": 2}
+    assert panel.bands["fbe"].mean[-1] == 25.0  # of seeds 1 and 2, whose last values are 20 and 30
+    assert panel.bands["anm"].mean[-1] == 50.0
+    assert "2 are from starts that not all agents have" in curves.gap
 
 
 @pytest.mark.parametrize(

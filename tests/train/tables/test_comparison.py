@@ -3,10 +3,9 @@
 import json
 import math
 
-import numpy as np
 import pytest
 
-from train.tables.comparison import estimate, make_table, mean_reliability, with_oracle_share
+from train.tables.comparison import estimate, make_table, with_oracle_share
 from train.tables.text import format_estimate, format_table, table_as_json
 
 
@@ -76,20 +75,6 @@ def test_calibration_is_estimated_but_no_column_of_the_comparison():
     table = make_table([make_row(auroc_seen=0.9), make_row(seed=1, auroc_seen=0.7)])
     assert table.lines[0].estimates["auroc_seen"].mean == pytest.approx(0.8)
     assert "AUROC" not in format_table(table)
-
-
-def test_reliability_is_averaged_bin_by_bin():
-    rows = [make_row(reliability=[[0.1, 0.3, 10], [0.5, 0.0, 10]])]
-    rows += [make_row(reliability=[[0.4, 0.6, 20], [0.5, 0.3, 10]]), make_row(reliability=[[9.0, 9.0, 1]])]
-    rows += [make_row(), make_row(reliability=None), make_row(reliability=[])]
-    # Mean squares on either side: a mean of deviations would make a calibrated map look too sure.
-    predicted = math.sqrt((0.01 + 2 * 0.16) / 3)
-    expected = [[predicted, math.sqrt((0.09 + 2 * 0.36) / 3)], [0.5, math.sqrt(0.045)]]
-    np.testing.assert_allclose(mean_reliability(rows), expected)
-
-
-def test_rows_without_reliability_have_no_curve():
-    assert mean_reliability([make_row(), make_row(reliability=None)]).shape == (0, 2)
 
 
 def test_failed_episodes_enter_no_mean_but_are_counted():
