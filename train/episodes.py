@@ -26,7 +26,7 @@ from train.provenance import (
 from train.recorder import EpisodeRecorder, Progress, SimulatorClock, find_attribute
 from train.results import MAP_LEFT_OUT, ROW_FIELDS, SCENE_FILE, Key, Row, row_key
 from train.runner import EpisodeRecord, run_episode
-from train.scores import make_meter, map_scores, trail_scores
+from train.scores import MEASURES, make_meter, map_scores, trail_scores
 from train.trajectory import Trajectory
 
 ENV_ID: Final = "anm_gym:ANM/Explore-v0"
@@ -188,6 +188,8 @@ def run_job(job: Job, progress: Progress | None = None) -> Episode:
         "steps_done": record.steps,
         "scene_hash": trajectory.scene_hash,
         "geometry": geometry,
+        "surface": geometry_digest(scene_of(env).storey_mesh),
+        "measures": MEASURES,
         "repairs": list(scene_of(env).repairs),
         "start": [round(number, 6) for number in trajectory.poses[0].tolist()],
         "attribution": failures.as_row(),

@@ -10,8 +10,10 @@ from tqdm import tqdm
 
 from train.backends import BACKENDS, Backend, run_on
 from train.episodes import Job, play
-from train.provenance import check_scene_files
+from train.provenance import check_scene_files, versions
 from train.results import MAP_LEFT_OUT, Row, append_row, finished_keys, read_rows, row_key
+from train.run_folder import hold_folder
+from train.tables.comparison import check_comparable
 from train.tables.measures import agent_name
 
 ROWS_FILE: Final = "rows.jsonl"
@@ -38,8 +40,9 @@ def play_missing(
         The rows of exactly these jobs, in their order.
 
     Raises:
-        ValueError: If rows of a scene were played in another file of that name, or before it changed, or if
-            those of an agent were played with other settings.
+        ValueError: If rows of a scene were played in another file of that name, or before it changed, if
+            no table could hold a new row beside those of its protocol (nothing of it is written then), or if
+            another process plays into the folder.
     """
     path = out / ROWS_FILE
     rows = read_rows(path)
@@ -47,16 +50,16 @@ def play_missing(
         check_scene_files((job.scene for job in jobs if job.scenes_root == root), rows, path, root)
     finished, scored = finished_keys(rows), finished_keys(row for row in rows if not row.get(MAP_LEFT_OUT))
     missing = [job for job in jobs if job.key not in (scored if job.with_maps else finished)]
-    kept = {job.key for job in jobs} - {job.key for job in missing}
-    settings = {_player(row): row.get("settings_hash") for row in rows if row_key(row) in kept}
-    failed: list[Row] = []
+    kept, failed = _rows_beside(missing, rows), list[Row]()
+    if missing:
+        hold_folder(out)
+        versions()  # of the code as it is now: it may change while episodes are played
     bar = tqdm(total=len(jobs), initial=len(jobs) - len(missing), unit="episode", smoothing=0.1)
     with bar:
         for job, row in run_on(backend, play, missing):
-            _check_settings(row, settings.get(_player(row)), path)
+            _check_joins(row, kept, path)
             append_row(path, row)
-            if row.get("error"):
-                failed.append(row)
+            (failed if row.get("error") else kept).append(row)
             bar.set_postfix_str(f"{job.name}: {_outcome(row)}")
             bar.update()
     return _rows_of(jobs, [*read_rows(path), *failed])
@@ -90,14 +93,22 @@ def _player(row: Row) -> str:
     return agent_name(row["agent"], row["preset"])
 
 
-def _check_settings(row: Row, kept: str | None, path: Path) -> None:
-    """Refuse to add a row to those of an agent with other settings: no table could be made of both."""
-    played = row.get("settings_hash")
-    if kept is not None and played is not None and played != kept:
+def _rows_beside(missing: Sequence[Job], rows: Iterable[Row]) -> list[Row]:
+    """The rows that stay as they are; failed ones do not matter."""
+    replaced = {job.key for job in missing}
+    return [row for row in rows if row_key(row) not in replaced and not row.get("error")]
+
+
+def _check_joins(row: Row, kept: Sequence[Row], path: Path) -> None:
+    """Refuse a row that would spoil the file: no table could be made of it and those that are there."""
+    conditions = row["protocol"], row["steps"]
+    try:
+        check_comparable([*(each for each in kept if (each["protocol"], each["steps"]) == conditions), row])
+    except ValueError as error:
         raise ValueError(
-            f"the rows of {_player(row)} in {path} must come from its settings as they are now, {played}, "
-            f"got {kept}; its defaults or its weights have changed: write to another `--out` folder"
-        )
+            f"{_player(row)} in {row['scene']} cannot join {path}, as settings, weights, the scene or "
+            f"this code have changed since: {error}"
+        ) from error
 
 
 def _rows_of(jobs: Iterable[Job], rows: Iterable[Row]) -> list[Row]:

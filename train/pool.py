@@ -18,14 +18,17 @@ class WorkerError(RuntimeError):
 
 
 def prepare_worker() -> None:
-    """Hold torch to one thread, for repeatable rows and comparable times.
+    """Hold torch to one thread, for repeatable rows and comparable times, and take note of the code at work.
 
     Subnormal numbers are flushed by the map itself, where it learns: a flag for the whole process makes
     scipy's k-d tree recurse without end.
     """
     import torch
 
+    from train.provenance import versions
+
     torch.set_num_threads(1)
+    versions()
 
 
 def run_jobs(

@@ -70,11 +70,6 @@ class Protocol:
             raise ValueError("`scenes` must name at least one, got none")
         check_scene_names(scene.name for scene in self.scenes)
 
-    @property
-    def is_whole(self) -> bool:
-        """Whether it is one with a name of its own, with all its scenes and their budgets."""
-        return self.base in _FIXED and self.scenes == _FIXED[self.base]()
-
     def only(self, labels: Sequence[str]) -> "Protocol":
         """Keep some of the scenes; rows stay comparable scene by scene.
 
@@ -134,6 +129,11 @@ def make_protocol(name: str, root: str | Path | None = None) -> Protocol:
     if name not in _FIXED:
         raise ValueError(f"unknown protocol {name!r}; choose one of: {', '.join(PROTOCOLS)}")
     return Protocol(name, name, _FIXED[name]())
+
+
+def whole_budgets(name: str) -> dict[str, int]:
+    """Budgets by label of all scenes of a protocol that fixes them; empty for other names."""
+    return {scene.label: scene.steps for scene in _FIXED[name]()} if name in _FIXED else {}
 
 
 def open_protocol(name: str, root: str | None) -> Protocol:

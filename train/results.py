@@ -21,7 +21,7 @@ ROW_FIELDS: Final = (
     *("comp_pct", "comp_cm", "comp_auc", "mad_cm", "fpr_pct", "path_m", "collisions", "cpu_ms"),
     *("comp_pct_official", "comp_cm_official", "mad_cm_official", "fpr_pct_official"),
     *("mad_seen_cm", "free_err_cm", "sign_err_pct", "auroc_seen", "auroc_false", "ause", "reliability"),
-    *("geometry", "start", "attribution", "handovers", "curve"),
+    *("geometry", "surface", "start", "attribution", "handovers", "curve", "measures"),
 )
 """The fields that every row has; a measure that does not exist (a map's, without a map) is null."""
 

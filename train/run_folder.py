@@ -38,7 +38,7 @@ def claim_folder(
     asked = json.loads(text)
     is_same = _holds_same(folder, asked, may_change)
     if writes:
-        _hold(folder)
+        hold_folder(folder)
         if not (is_same or _holds_same(folder, asked, may_change)):
             write_whole(path, text)
 
@@ -56,8 +56,16 @@ def _holds_same(folder: Path, asked: Mapping[str, Any], may_change: Collection[s
     return not others
 
 
-def _hold(folder: Path) -> None:
-    """Keep other processes from writing here for as long as this one lives."""
+def hold_folder(folder: Path) -> None:
+    """Keep other processes from writing to a folder for as long as this one lives.
+
+    Args:
+        folder: The folder; it is made.
+
+    Raises:
+        ValueError: If another process holds it.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
     path = folder.resolve() / LOCK_FILE
     lock = _held.setdefault(path, FileLock(path, thread_local=False))
     if lock.is_locked:

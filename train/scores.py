@@ -16,6 +16,8 @@ from anm_gym.scenes.scene import Scene
 from train.results import Row
 from train.trajectory import Trajectory
 
+MEASURES: Final = 2
+"""Version of what rows measure; tables refuse to mix it. A change of any measure's definition raises it."""
 CURVE_STEPS: Final = 20
 """Steps between the points of the curve in a row."""
 SAMPLE_SEED: Final = 0

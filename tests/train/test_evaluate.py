@@ -17,6 +17,7 @@ from train.evaluate import Evaluation, evaluate, main
 from train.play import ROWS_FILE
 from train.provenance import file_digest
 from train.results import append_row, read_rows
+from train.run_folder import LOCK_FILE
 
 ROOT = Path(__file__).parents[2]
 HERE = Backend(workers=0)
@@ -77,7 +78,7 @@ def test_another_budget_or_camera_is_another_episode_with_files_of_its_own(tmp_p
 def test_torn_row_and_failed_episode_are_run_again(tmp_path, play, played):
     evaluation = make_evaluation(tmp_path, agents=["random"], scenes=["a.glb"])
     good, bad, torn = evaluation.jobs()
-    append_row(tmp_path / ROWS_FILE, good.identity | {"comp_pct": 1.0})
+    append_row(tmp_path / ROWS_FILE, good.identity | {"settings_hash": "h", "comp_pct": 1.0})
     append_row(tmp_path / ROWS_FILE, bad.identity | {"error": "MapError: no"})
     with (tmp_path / ROWS_FILE).open("a") as file:
         file.write(json.dumps(torn.identity)[:-3])
@@ -89,8 +90,14 @@ def test_torn_row_and_failed_episode_are_run_again(tmp_path, play, played):
 def test_map_that_was_left_out_is_scored_when_it_is_asked_for(tmp_path, play, played):
     evaluation = make_evaluation(tmp_path, agents=["random"], scenes=["a.glb"], with_maps=False)
     with_map, without = evaluation.jobs()[:2]
-    append_row(tmp_path / ROWS_FILE, with_map.identity | {"comp_pct": 1.0, "map_left_out": True})
-    append_row(tmp_path / ROWS_FILE, without.identity | {"comp_pct": 2.0, "map_left_out": False})
+    append_row(
+        tmp_path / ROWS_FILE,
+        with_map.identity | {"settings_hash": "h", "comp_pct": 1.0, "map_left_out": True},
+    )
+    append_row(
+        tmp_path / ROWS_FILE,
+        without.identity | {"settings_hash": "h", "comp_pct": 2.0, "map_left_out": False},
+    )
     evaluate(replace(evaluation, seeds=(0, 1)), backend=HERE, play=play)
     assert played == []
     evaluate(replace(evaluation, seeds=(0, 1), with_maps=True), backend=HERE, play=play)
@@ -236,12 +243,53 @@ def test_agent_whose_settings_changed_does_not_join_its_old_rows(tmp_path, play)
 
     evaluate(Evaluation(["fbe"], ["home:flat:1"], [0], out=tmp_path), HERE, played_with("old"))
     more = Evaluation(["fbe"], ["home:flat:1"], [0, 1], out=tmp_path)
-    with pytest.raises(
-        ValueError, match=r"the rows of fbe.* as they are now, new, got old; .* another `--out`"
-    ):
+    refusal = (
+        r"fbe.* cannot join .*: the rows of fbe.* must have one settings_hash, got new, old.* another `--out`"
+    )
+    with pytest.raises(ValueError, match=refusal):
         evaluate(more, HERE, played_with("new"))
     assert {row["settings_hash"] for row in read_rows(tmp_path / ROWS_FILE)} == {"old"}
     assert len(evaluate(more, HERE, played_with("old"))) == 2
+
+
+@pytest.mark.parametrize("field", ["settings_hash", "geometry", "surface", "measures"])
+def test_row_that_would_spoil_the_file_is_not_written(field, tmp_path, play):
+    """Also where none of the rows that are there is asked for."""
+
+    def played_with(value):
+        return lambda job: play(job) | {field: value}
+
+    evaluate(Evaluation(["fbe"], ["home:flat:1"], [0], out=tmp_path), HERE, played_with("old"))
+    before = (tmp_path / ROWS_FILE).read_bytes()
+    with pytest.raises(ValueError, match=f"must have one {field}, got new, old"):
+        evaluate(Evaluation(["fbe"], ["home:flat:1"], [1], out=tmp_path), HERE, played_with("new"))
+    assert (tmp_path / ROWS_FILE).read_bytes() == before
+
+
+def test_two_rows_of_one_run_that_cannot_be_compared_are_not_both_written(tmp_path, play):
+    with pytest.raises(ValueError, match="must have one geometry"):
+        evaluate(
+            Evaluation(["fbe"], ["home:flat:1"], [0, 1], out=tmp_path),
+            HERE,
+            lambda job: play(job) | {"geometry": f"g{job.seed}"},
+        )
+    assert len(read_rows(tmp_path / ROWS_FILE)) == 1
+
+
+def test_folder_that_another_process_plays_into_is_refused(tmp_path, play):
+    code = (
+        "from filelock import FileLock\n"
+        f"lock = FileLock({str(tmp_path / LOCK_FILE)!r})\n"
+        "lock.acquire()\nprint(flush=True)\ninput()"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as other:
+        other.stdout.readline()
+        with pytest.raises(ValueError, match="no other process writes to"):
+            evaluate(Evaluation(["fbe"], ["home:flat:1"], [0], out=tmp_path), HERE, play)
+        other.communicate("\n")
+    assert len(evaluate(Evaluation(["fbe"], ["home:flat:1"], [0], out=tmp_path), HERE, play)) == 1
 
 
 def test_rows_of_another_file_of_the_same_name_are_not_taken_for_this_one(tmp_path, play):

@@ -16,11 +16,11 @@ from anm_gym.scenes.datasets import ROOT_VARIABLE
 from train import quick
 from train.command import parse_seeds, run_command, split_list
 from train.episodes import split_agent
-from train.play import add_backend_options, backend_of, report_failures
+from train.play import ROWS_FILE, add_backend_options, backend_of, report_failures
 from train.protocols import PROTOCOLS, Protocol, open_protocol
 from train.provenance import environment_digest
 from train.report import write_report
-from train.results import Row, write_json
+from train.results import Row, read_rows, write_json
 from train.tables.measures import agent_name
 from train.tables.result import format_result, make_result, result_as_json
 from train.tables.rosters import TABLES
@@ -28,28 +28,61 @@ from train.tables.run import QUICK_SEEDS, TableRun, play_table
 
 DEFAULT_SEEDS: Final = 5
 """Starts per scene: a single one tells nothing of what luck does."""
+_ONLY_PLAYED: Final = ("root", "steps", "out", "env", "quick")
+"""Options that say how to play, and so mean nothing for rows that are there."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command."""
-    played = play_command(arguments)
-    options, run = played.options, played.run
-    result = make_result(options.table, options.preset, run, played.rows, played.reference)
+    options = _parser().parse_args(arguments)
+    if options.rows is not None:
+        print_rows(options)
+        return
+    played = play_options(options)
+    result = make_result(options.table, options.preset, played.rows, played.reference)
     print(format_result(result))
-    for path in (run.out / f"{options.table}.json", options.json):
+    for path in (played.run.out / f"{options.table}.json", options.json):
         if path is not None:
             write_json(Path(path), result_as_json(result))
-    title = f"{TABLES[options.table].title}, {run.protocol.name}"
-    print(f"report: {write_report(run.out, played.rows, title)}")
+    title = f"{TABLES[options.table].title}, {played.run.protocol.name}"
+    print(f"report: {write_report(played.run.out, played.rows, title)}")
     report_failures(played.rows)
+
+
+def print_rows(options: Any) -> None:
+    """Print the table of rows that are there; nothing is played, and nothing written but `--json`.
+
+    Raises:
+        ValueError: If an option asks for anything else, or there are no such rows.
+    """
+    if others := [name for name in _ONLY_PLAYED if getattr(options, name)]:
+        raise ValueError(
+            f"`rows` prints what was played: leave out {', '.join(f'--{name}' for name in others)}"
+        )
+    path = Path(options.rows)
+    path = path / ROWS_FILE if path.is_dir() else path
+    rows = [row for row in read_rows(path) if _is_asked_for(row, options)]
+    if not rows:
+        raise ValueError(f"`rows` must be a folder with rows of what is asked for, got none in {path}")
+    agents = list(dict.fromkeys(agent_name(row["agent"], row["preset"]) for row in rows))
+    result = make_result(options.table, options.preset, rows, _reference_of(options, agents))
+    print(format_result(result))
+    if options.json is not None:
+        write_json(Path(options.json), result_as_json(result))
+
+
+def _is_asked_for(row: Row, options: Any) -> bool:
+    """Whether agents, scenes and seeds of the options, where they are given, name a row."""
+    agents = {agent_name(*split_agent(agent)) for agent in split_list(options.agents or [])}
+    scenes, seeds = split_list(options.scenes or []), parse_seeds(options.seeds) if options.seeds else []
+    named = [(agents, agent_name(row["agent"], row["preset"])), (scenes, row["scene"]), (seeds, row["seed"])]
+    return all(value in asked for asked, value in named if asked)
 
 
 @dataclass(frozen=True, eq=False)
 class Played:
-    """What a command line asked for, and its rows."""
+    """What a command line asked for."""
 
-    options: Any
-    """The command line."""
     run: TableRun
     """What was to be played."""
     rows: Sequence[Row]
@@ -58,26 +91,36 @@ class Played:
     """Whom to compare with."""
 
 
-def play_command(arguments: Sequence[str] | None = None) -> Played:
-    """Play what a command line asks for and has no row yet.
+def play_command(arguments: Sequence[str]) -> Played:
+    """Play what a command line asks for and has no row yet; see `play_options`."""
+    return play_options(_parser().parse_args(arguments))
+
+
+def play_options(options: Any) -> Played:
+    """Play what the options ask for and has no row yet.
 
     Raises:
         ValueError: If an agent, its preset or a variant is unknown; nothing is played then.
     """
-    options = _parser().parse_args(arguments)
     spec = TABLES[options.table]
     if options.preset not in ROSTER["anm"].presets:
         choices = ", ".join(ROSTER["anm"].presets)
         raise ValueError(f"`preset` must be one of anm's, {choices}, got {options.preset!r}")
     agents = split_list(options.agents) if options.agents else spec.agents(options.preset)
     run = _run_of(options, agents)
-    reference = spec.reference.format(preset=options.preset)
-    if options.reference:
-        reference = agent_name(*split_agent(options.reference))
-        if reference not in {agent_name(*split_agent(agent)) for agent in agents}:
-            raise ValueError(f"`reference` must be one of {', '.join(agents)}, got {options.reference!r}")
+    reference = _reference_of(options, agents)
     rows = play_table(run, backend_of(options, run.out))
-    return Played(options, run, rows, reference)
+    return Played(run, rows, reference)
+
+
+def _reference_of(options: Any, agents: Sequence[str]) -> str:
+    """Whom to compare with."""
+    if not options.reference:
+        return TABLES[options.table].reference.format(preset=options.preset)
+    reference = agent_name(*split_agent(options.reference))
+    if reference not in {agent_name(*split_agent(agent)) for agent in agents}:
+        raise ValueError(f"`reference` must be one of {', '.join(agents)}, got {options.reference!r}")
+    return reference
 
 
 def _run_of(options: Any, agents: Sequence[str]) -> TableRun:
@@ -144,6 +187,7 @@ def _parser() -> ArgumentParser:
     )
     add("--env", type=dict | None, default=None, help="arguments of the environment, such as a camera")
     add("--pictures", action=ActionYesNo(yes_prefix="", no_prefix="no-"), default=True, help="draw episodes")
+    add("--rows", default=None, help="print the table of the rows in this folder; nothing is played")
     add("--json", default=None, help="write the table to this file too")
     add("--quick", action="store_true", help=f"one scene, {quick.STEPS} steps, a seed or two")
     add_backend_options(parser)

@@ -2,9 +2,8 @@
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -73,21 +72,46 @@ def make_table(rows: Iterable[Row]) -> Table:
         The table.
 
     Raises:
-        ValueError: If there is no row, if rows differ in protocol, if those of one scene differ in steps or
-            geometry, those of one scene and seed in their start, or those of one agent in settings: such
-            numbers are not comparable.
+        ValueError: If there is no row, or if they are not comparable, see `check_comparable`.
     """
     all_rows = with_oracle_share(rows)
     if not all_rows:
         raise ValueError("`rows` must hold at least one episode, got 0")
     groups = group_by_agent(all_rows)
-    protocol = _single(all_rows, "protocol", "this table")
-    steps_by_scene = _check_scenes(all_rows)
+    check_comparable(all_rows)
+    protocol = all_rows[0]["protocol"]
+    steps_by_scene = {row["scene"]: int(row["steps"]) for row in all_rows}
     lines = [_agent_line(agent, preset, group) for (agent, preset), group in groups.items()]
     lines.sort(key=lambda line: -_mean(line, "comp_pct"))
     episodes = {frozenset(_starts(group)) for group in groups.values()}
     commits = dict.fromkeys((row.get("versions") or {}).get("commit", "") for row in _good(all_rows))
     return Table(str(protocol), steps_by_scene, tuple(lines), len(episodes) == 1, tuple(commits))
+
+
+def check_comparable(rows: Iterable[Row]) -> None:
+    """Refuse rows that no table may hold together.
+
+    Args:
+        rows: Result rows; of those with an error only protocol and steps matter.
+
+    Raises:
+        ValueError: If rows differ in protocol or in how they were measured, those of one scene in steps,
+            geometry or the surface that is to be seen, those of one scene and seed in their start, or those
+            of one agent in settings.
+    """
+    all_rows = list(rows)
+    good = _good(all_rows)
+    _single(all_rows, "protocol", "this table")
+    _single(good, "measures", "this table")
+    for owner, group in _grouped(all_rows, lambda row: row["scene"]).items():
+        _single(group, "steps", owner)
+    for owner, group in _grouped(good, lambda row: row["scene"]).items():
+        _single(group, "geometry", owner)
+        _single(group, "surface", owner)
+    for owner, group in _grouped(good, lambda row: f"{row['scene']}, seed {row['seed']},").items():
+        _single(group, "start", owner)
+    for owner, group in _grouped(good, lambda row: agent_name(row["agent"], row["preset"])).items():
+        _single(group, "settings_hash", owner)
 
 
 def group_by_agent(rows: Iterable[Row]) -> dict[tuple[str, str], list[Row]]:
@@ -137,13 +161,13 @@ def paired_differences(rows: Iterable[Row], reference: str, key: str = "comp_pct
 
 def _agent_line(agent: str, preset: str, rows: Sequence[Row]) -> AgentLine:
     good = _good(rows)
-    settings_hash = _single(good, "settings_hash", agent_name(agent, preset)) or ""
+    settings_hash = good[0].get("settings_hash") if good else ""
     estimates = {
         measure.key: found for measure in ALL_MEASURES if (found := estimate(good, measure.key)) is not None
     }
     scene, comp_pct = _worst_scene(good)
     return AgentLine(
-        agent, preset, str(settings_hash), len(good), len(rows) - len(good), estimates, scene, comp_pct
+        agent, preset, str(settings_hash or ""), len(good), len(rows) - len(good), estimates, scene, comp_pct
     )
 
 
@@ -156,33 +180,25 @@ def _worst_scene(rows: Sequence[Row]) -> tuple[str, float]:
     return worst, means.get(worst, math.nan)
 
 
-def _check_scenes(rows: Iterable[Row]) -> dict[str, int]:
-    """Refuse scenes and starts that differ under one name; returns the budget of each scene."""
-    by_scene: dict[str, list[Row]] = defaultdict(list)
-    by_start: dict[str, list[Row]] = defaultdict(list)
+def _grouped(rows: Iterable[Row], key: Callable[[Row], str]) -> dict[str, list[Row]]:
+    groups: dict[str, list[Row]] = defaultdict(list)
     for row in rows:
-        by_scene[row["scene"]].append(row)
-        by_start[f"{row['scene']}, seed {row['seed']},"].append(row)
-    for owner, group in by_start.items():
-        _single(_good(group), "start", owner)
-    for scene, group in by_scene.items():
-        _single(_good(group), "geometry", scene)
-    return {scene: int(_single(group, "steps", scene)) for scene, group in by_scene.items()}
+        groups[key(row)].append(row)
+    return groups
 
 
 def _good(rows: Iterable[Row]) -> list[Row]:
     return [row for row in rows if not row.get("error")]
 
 
-def _single(rows: Sequence[Row], field: str, owner: str) -> Any:
-    """The value that all rows have; None without rows."""
-    values = {str(row.get(field)): row.get(field) for row in rows}
+def _single(rows: Sequence[Row], field: str, owner: str) -> None:
+    """Refuse rows that have not all the same value."""
+    values = {str(row.get(field)) for row in rows}
     if len(values) > 1:
         raise ValueError(
             f"the rows of {owner} must have one {field}, got {', '.join(sorted(values))}; "
             "choose rows of one kind, or write to another `--out` folder"
         )
-    return next(iter(values.values()), None)
 
 
 def _add_share(row: Row, oracle_pct: float) -> Row:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from anm_gym.metrics.intervals import Interval
+from train.protocols import whole_budgets
 from train.results import Row
 from train.tables.comparison import (
     AgentLine,
@@ -17,7 +18,6 @@ from train.tables.comparison import (
 from train.tables.measures import Measure
 from train.tables.published import PUBLISHED, Numbers
 from train.tables.rosters import TABLES, TableSpec
-from train.tables.run import TableRun
 from train.tables.text import aligned, format_estimate, format_table, interval_as_json, line_as_json
 
 
@@ -29,10 +29,8 @@ class TableResult:
     """`table1` or `table2`."""
     preset: str
     """Preset of `anm`."""
-    run: TableRun
-    """What was played."""
     rows: Sequence[Row]
-    """Its rows, with the share of the oracle."""
+    """The rows, with the share of the oracle."""
     table: Table
     """Means and intervals."""
     reference: str
@@ -45,23 +43,23 @@ class TableResult:
 
     @property
     def published(self) -> Numbers:
-        """The paper's own numbers under the same protocol; empty for others, and for a part of it."""
-        protocol = self.run.protocol
-        return PUBLISHED[self.name].get(protocol.base, {}) if protocol.is_whole else {}
+        """The paper's own numbers under the same protocol; empty for others, such as a part of it."""
+        protocol = self.table.protocol
+        is_whole = self.table.steps_by_scene == whole_budgets(protocol)
+        return PUBLISHED[self.name].get(protocol, {}) if is_whole else {}
 
     def differences(self, key: str) -> dict[str, Interval]:
         """Mean difference to the reference from the same start, by agent."""
         return paired_differences(self.rows, self.reference, key) if self.reference else {}
 
 
-def make_result(name: str, preset: str, run: TableRun, rows: Sequence[Row], reference: str) -> TableResult:
+def make_result(name: str, preset: str, rows: Sequence[Row], reference: str) -> TableResult:
     """Aggregate the rows of a table.
 
     Args:
         name: `table1` or `table2`.
         preset: Preset of `anm`.
-        run: What was played.
-        rows: Its rows.
+        rows: What was played.
         reference: Whom to compare with; left out if it has no episode.
 
     Raises:
@@ -70,7 +68,7 @@ def make_result(name: str, preset: str, run: TableRun, rows: Sequence[Row], refe
     table = make_table(rows)
     named = {line.name for line in table.lines if line.episodes}
     shared = with_oracle_share(rows)
-    return TableResult(name, preset, run, shared, table, reference if reference in named else "")
+    return TableResult(name, preset, shared, table, reference if reference in named else "")
 
 
 def format_result(result: TableResult) -> str:
@@ -97,7 +95,7 @@ def result_as_json(result: TableResult) -> dict[str, Any]:
         "title": result.spec.title,
         "protocol": result.table.protocol,
         "steps_by_scene": result.table.steps_by_scene,
-        "seeds": list(result.run.seeds),
+        "seeds": sorted({row["seed"] for row in result.rows}),
         "is_paired": result.table.is_paired,
         "reference": result.reference or None,
         "columns": {"native": list(result.spec.native), "official": list(result.spec.official)},

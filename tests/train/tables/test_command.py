@@ -59,6 +59,35 @@ def test_finished_table_is_not_played_again(written, room_file):
     assert len(played.rows) == 4
 
 
+def test_table_is_printed_from_rows_alone(written, tmp_path, capsys):
+    rows = tmp_path / "elsewhere" / ROWS_FILE
+    rows.parent.mkdir()
+    rows.write_bytes((written / ROWS_FILE).read_bytes())
+    rows.parent.chmod(0o555)
+    main(
+        ["table1", "--rows", str(rows.parent), "--reference", "fbe:paper", "--json", str(tmp_path / "t.json")]
+    )
+    printed = json.loads((tmp_path / "t.json").read_text())
+    assert printed == json.loads((written / "table1.json").read_text())
+    assert "paired differences to fbe:paper" in capsys.readouterr().out
+    assert [path.name for path in rows.parent.iterdir()] == [ROWS_FILE]
+
+
+def test_part_of_the_rows_is_chosen_by_agent_scene_and_seed(written, tmp_path):
+    fixed = ["table1", "--rows", str(written / ROWS_FILE), "--json", str(tmp_path / "part.json")]
+    main([*fixed, "--agents", "fbe:paper", "--seeds", "1,", "--scenes", "room"])
+    part = json.loads((tmp_path / "part.json").read_text())
+    assert part["seeds"] == [1]
+    assert [(line["name"], line["episodes"]) for line in part["agents"]] == [("fbe:paper", 1)]
+    with pytest.raises(ValueError, match="got none in"):
+        main([*fixed, "--scenes", "attic"])
+
+
+def test_rows_are_printed_as_they_were_played(written):
+    with pytest.raises(ValueError, match="leave out --steps, --out"):
+        main(["table1", "--rows", str(written), "--steps", "9", "--out", "x"])
+
+
 def test_rows_that_cannot_be_compared_lie_in_folders_apart(room_file, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     fixed = ["table1", "--protocol=open-scenes", f"--root={room_file.parent}", "--scenes", "room"]
@@ -117,7 +146,7 @@ def make_rows(run, values):
 def result(tmp_path):
     run = make_run(tmp_path)
     rows = make_rows(run, {"random": 20.0, "anm:best": 60.0, "oracle_coverage": 80.0})
-    return make_result("table1", "best", run, rows, "anm:best")
+    return make_result("table1", "best", rows, "anm:best")
 
 
 def test_scenes_may_differ_in_budget(result):
@@ -144,7 +173,7 @@ def test_share_of_the_oracle_is_that_of_the_same_start(result):
 def test_native_and_official_stand_apart_with_the_paper_beside(tmp_path):
     run = replace(make_run(tmp_path), protocol=make_protocol("anm-gibson"))
     rows = make_rows(run, {"random": 20.0, "anm:best": 60.0})
-    text = format_result(make_result("table1", "best", run, rows, "anm:best"))
+    text = format_result(make_result("table1", "best", rows, "anm:best"))
     native, official, paper, differences = text.split("\n\n")
     assert "Comp. (%)" in native
     assert "official" not in native.split("\n", 1)[1].replace("native metrics", "")
@@ -156,7 +185,7 @@ def test_native_and_official_stand_apart_with_the_paper_beside(tmp_path):
 
 def test_other_protocols_have_no_published_numbers(tmp_path):
     run = make_run(tmp_path, "open-homes")
-    result = make_result("table1", "best", run, make_rows(run, {"random": 20.0}), "anm:best")
+    result = make_result("table1", "best", make_rows(run, {"random": 20.0}), "anm:best")
     assert result_as_json(result)["published"] is None
     assert result_as_json(result)["reference"] is None
     assert "as published" not in format_result(result)
@@ -164,10 +193,15 @@ def test_other_protocols_have_no_published_numbers(tmp_path):
 
 def test_part_of_the_paper_s_protocol_has_no_published_numbers(tmp_path):
     run, whole = make_run(tmp_path), make_protocol("anm-gibson")
-    assert whole.is_whole
-    for part in (whole.only(["gibson:Denmark"]), whole.shortened(12)):
-        rows = make_rows(some := replace(run, protocol=part), {"random": 20.0})
-        assert not make_result("table1", "best", some, rows, "random").published
+    for protocol in (whole, whole.only(["gibson:Denmark"]), whole.shortened(12)):
+        rows = make_rows(replace(run, protocol=protocol), {"random": 20.0})
+        assert bool(make_result("table1", "best", rows, "random").published) == (protocol is whole)
+
+
+def test_paper_s_protocol_under_another_camera_has_no_published_numbers(tmp_path):
+    run = replace(make_run(tmp_path), protocol=make_protocol("anm-gibson"))
+    rows = [row | {"protocol": "anm-gibson-abc123"} for row in make_rows(run, {"random": 20.0})]
+    assert not make_result("table1", "best", rows, "random").published
 
 
 def test_published_columns_are_columns_of_the_table():
@@ -216,7 +250,7 @@ def test_failed_episode_is_listed_and_enters_no_mean(tmp_path):
     run = make_run(tmp_path)
     rows = make_rows(run, {"random": 20.0, "anm:best": 60.0})
     rows[-1] |= {"error": "MapError: no", "comp_pct": None}
-    table = result_as_json(make_result("table1", "best", run, rows, "anm:best"))
+    table = result_as_json(make_result("table1", "best", rows, "anm:best"))
     assert [failure["error"] for failure in table["failures"]] == ["MapError: no"]
     assert {line["name"]: line["failed"] for line in table["agents"]} == {"anm:best": 1, "random": 0}
     json.dumps(table, allow_nan=False)

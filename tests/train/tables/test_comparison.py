@@ -84,13 +84,15 @@ def test_failed_episodes_enter_no_mean_but_are_counted():
     assert "(+1 failed)" in format_table(table)
 
 
-@pytest.mark.parametrize("field", ["protocol", "steps", "settings_hash"])
+@pytest.mark.parametrize("field", ["protocol", "steps", "settings_hash", "measures"])
 def test_unlike_rows_of_an_agent_are_refused(field):
     with pytest.raises(ValueError, match=f"must have one {field}, got"):
         make_table([make_row(), make_row(seed=1, **{field: "2"})])
 
 
-@pytest.mark.parametrize(("field", "owner"), [("geometry", "a"), ("steps", "a"), ("start", "a, seed 0,")])
+@pytest.mark.parametrize(
+    ("field", "owner"), [("geometry", "a"), ("surface", "a"), ("steps", "a"), ("start", "a, seed 0,")]
+)
 def test_agents_in_unlike_scenes_or_from_unlike_starts_are_refused(field, owner):
     rows = [make_row("anm", **{field: 1}), make_row("fbe", **{field: 2})]
     with pytest.raises(ValueError, match=f"the rows of {owner} must have one {field}, got 1, 2"):
