@@ -45,8 +45,12 @@ def digest(value: Any, digits: int = 12) -> str:
 
 
 def environment_digest(env_options: Mapping[str, Any]) -> str:
-    """Name the arguments of an environment by six digits; empty where there are none."""
-    return digest(env_options, 6) if env_options else ""
+    """Name the arguments of an environment by six digits; empty where there are none.
+
+    Where datasets lie is none of them, as it differs between machines and changes no number.
+    """
+    options = {name: value for name, value in _plain(env_options).items() if value != {}}
+    return digest(options, 6) if options else ""
 
 
 def effective_settings(env: gym.Env, policy: Any) -> dict[str, Any]:

@@ -5,7 +5,7 @@ Command: ``python -m train.replay runs/explore/trajectory.npz``.
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from jsonargparse import auto_cli
@@ -16,6 +16,9 @@ from train.recorder import EpisodeRecorder
 from train.runner import run_episode
 from train.scores import make_meter
 from train.trajectory import Trajectory
+
+SAME_PCT: Final = 0.001
+"""Difference of completion ratios that is rounding, percentage points."""
 
 
 class RecordedPolicy:
@@ -83,13 +86,17 @@ def main(trajectory: Path) -> None:
     recorded = Trajectory.load(trajectory)
     result = replay(recorded)
     print(f"{len(recorded.actions)} steps in {recorded.scene}, seed {recorded.seed}")
-    print(f"completion ratio {result.comp_pct:.2f} %")
+    scored_pct = [float(values[-1]) for name, values in recorded.curves.items() if name == "comp_pct"]
+    then = "".join(f", recorded {value:.2f} %" for value in scored_pct)
+    print(f"completion ratio {result.comp_pct:.2f} %{then}")
     if not result.is_equal:
         raise ValueError(
             f"the replayed poses must equal the recorded ones, differ by {result.largest_difference:.3g}; "
             f"replay with the version that made {trajectory}"
         )
     print("every pose is bit for bit the recorded one")
+    if any(abs(result.comp_pct - value) > SAME_PCT for value in scored_pct):
+        print("but this version measures otherwise: `measures` or `surface` of its rows will differ too")
 
 
 if __name__ == "__main__":

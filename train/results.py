@@ -10,6 +10,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
+from train.whole_file import write_whole
+
 Row = dict[str, Any]
 Key = tuple[Any, ...]
 
@@ -60,7 +62,7 @@ def write_json(path: Path, value: Any) -> Path:
     """Write plain values as indented JSON; not-a-number and infinities become null, paths their names."""
     path.parent.mkdir(parents=True, exist_ok=True)
     text = json.dumps(_plain(value), indent=2, allow_nan=False, default=str)
-    path.write_text(text + "\n", encoding="utf-8")
+    write_whole(path, text + "\n")
     return path
 
 

@@ -21,7 +21,7 @@ from anm_gym.scenes.datasets import ROOT_VARIABLE
 from train.command import parse_seeds, run_command
 from train.episodes import Start, make_env, scene_of
 from train.protocols import OPEN_SCENES, PROTOCOLS, Protocol, ProtocolScene, open_protocol
-from train.provenance import digest, geometry_digest, scenes_root
+from train.provenance import environment_digest, geometry_digest, scenes_root
 from train.whole_file import write_whole
 
 FORMAT: Final = 1
@@ -62,8 +62,8 @@ def file_name(stem: str = "starts", env_options: Mapping[str, Any] | None = None
         stem: Beginning of the name; by default that of the file which a run leaves beside its rows.
         env_options: Arguments of the environment besides the scene; only `scene_options` matter here.
     """
-    options = _scene_options(env_options)
-    return f"{stem}-{digest(options, 6)}.json" if options else f"{stem}.json"
+    named = environment_digest(_scene_options(env_options))
+    return f"{stem}-{named}.json" if named else f"{stem}.json"
 
 
 def starts_for(

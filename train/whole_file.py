@@ -1,5 +1,6 @@
 """Text files that appear whole or not at all, whatever ends the process."""
 
+import os
 from pathlib import Path
 
 
@@ -10,6 +11,13 @@ def write_whole(path: Path, text: str) -> None:
         path: The file; its folder must exist.
         text: Its content.
     """
-    partial = path.with_name(path.name + ".partial")
-    partial.write_text(text, encoding="utf-8")
-    partial.replace(path)
+    partial = path.with_name(f"{path.name}.{os.getpid()}.partial")
+    try:
+        with partial.open("w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        partial.replace(path)
+    except BaseException:
+        partial.unlink(missing_ok=True)
+        raise

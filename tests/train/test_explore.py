@@ -64,7 +64,16 @@ def test_replay_is_bit_for_bit_the_episode(explored, capsys):
     assert result.is_equal
     assert result.comp_pct == row["comp_pct"]
     replay_main(out / "trajectory.npz")
-    assert "every pose is bit for bit the recorded one" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "every pose is bit for bit the recorded one" in said
+    assert "measures otherwise" not in said
+
+
+def test_replay_says_that_an_episode_is_scored_otherwise(explored, tmp_path, capsys):
+    recorded = Trajectory.load(explored[0] / "trajectory.npz")
+    change(recorded, curves={"comp_pct": recorded.curves["comp_pct"] + 5.0}).save(tmp_path / "old.npz")
+    replay_main(tmp_path / "old.npz")
+    assert "but this version measures otherwise" in capsys.readouterr().out
 
 
 def test_same_seed_leaves_the_same_trajectory(explored, room_file, tmp_path):

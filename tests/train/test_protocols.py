@@ -178,6 +178,7 @@ def test_another_storey_has_starts_of_its_own(tmp_path, room):
     assert set(read_starts(own)[room.scenes[0].label].by_seed) == {1}
     homes = make_protocol("open-homes")
     assert published_file(homes, other) != published_file(homes)
+    assert published_file(homes, {"scene_options": {"root": "/data"}}) == published_file(homes)
 
 
 def test_starts_of_a_folder_of_meshes_are_not_published(tmp_path, room_file):

@@ -17,6 +17,7 @@ from train.provenance import (
     commit_of,
     digest,
     effective_settings,
+    environment_digest,
     file_digest,
     geometry_digest,
     versions,
@@ -133,6 +134,8 @@ def test_place_of_a_dataset_and_the_budget_are_no_settings():
     here, there = ({"scene_options": {"root": root, "storey": 1}} for root in ("/a", "/b"))
     assert digest(here) == digest(there)
     assert digest({"max_episode_steps": 10}) == digest({"max_episode_steps": 20})
+    assert environment_digest({"scene_options": {"root": "/a"}}) == environment_digest({}) == ""
+    assert environment_digest(here) == environment_digest({"scene_options": {"storey": 1}}) != ""
 
 
 def test_geometry_has_one_name_whatever_the_last_bits_are(box_room):
