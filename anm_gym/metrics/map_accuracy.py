@@ -31,14 +31,8 @@ class FieldScores:
 
     mad_cm: float
     """Mean absolute distance over area-uniform samples of the surface, centimetres."""
-    within_5cm_pct: float
-    """Share of those samples with an absolute distance below 5 cm, per cent."""
-    mad_visible_cm: float | None
-    """Mean absolute distance over the reachable-visible samples, centimetres; None if unknown."""
     mad_official_cm: float
     """Mean absolute distance over the true mesh's vertices without the storey's top 0.8 m, centimetres."""
-    within_5cm_official_pct: float
-    """Share of those vertices with an absolute distance below 5 cm, per cent."""
 
 
 @dataclass(frozen=True)
@@ -49,10 +43,8 @@ class ReconstructionScores:
     """Mean exact distance of its area-uniform samples to the true triangles, centimetres."""
     fpr_pct: float
     """False positive rate: share of those samples 5 cm or more away, per cent."""
-    acc_official_cm: float
-    """Mean distance to the nearest of 200 000 samples of the true surface, centimetres."""
     fpr_official_pct: float
-    """Share of the samples 5 cm or more from every one of those, per cent."""
+    """Share of the samples 5 cm or more from each of 200 000 samples of the true surface, per cent."""
     fpr_floor_pct: float
     """The official rate of a perfect reconstruction, see `sampling_floor_pct`."""
 
@@ -60,7 +52,6 @@ class ReconstructionScores:
 def field_scores(
     sdf: SignedDistance,
     true_mesh: TriangleMesh,
-    visible: NDArray[np.bool_] | None = None,
     num_samples: int = NUM_SAMPLES,
     top_y_m: float | None = None,
 ) -> FieldScores:
@@ -69,7 +60,6 @@ def field_scores(
     Args:
         sdf: The map, called with at most 65 536 points at a time.
         true_mesh: The true surface of the storey.
-        visible: (M,) bool, which of the first M completion samples are visible from reachable positions.
         num_samples: Samples of the surface.
         top_y_m: How high the storey reaches, metres; None for as high as the mesh.
 
@@ -83,15 +73,7 @@ def field_scores(
     vertices = true_mesh.vertices[np.unique(true_mesh.faces)]
     highest_m = true_mesh.bounds[1, 1] if top_y_m is None else top_y_m
     kept = vertices[vertices[:, 1] <= highest_m - CEILING_CUT_M]
-    official_m = _absolute_m(sdf, kept)
-    is_visible = None if visible is None or not visible.any() else np.flatnonzero(visible[:num_samples])
-    return FieldScores(
-        mad_cm=_mean_cm(error_m),
-        within_5cm_pct=_below_pct(error_m),
-        mad_visible_cm=None if is_visible is None else _mean_cm(error_m[is_visible]),
-        mad_official_cm=_mean_cm(official_m),
-        within_5cm_official_pct=_below_pct(official_m),
-    )
+    return FieldScores(_mean_cm(error_m), _mean_cm(_absolute_m(sdf, kept)))
 
 
 def reconstruction_scores(
@@ -122,7 +104,7 @@ def reconstruction_scores(
     true_samples = sample_surface(true_mesh, num_samples, rng).points
     floor_pct = sampling_floor_pct(num_samples, float(true_mesh.areas_m2.sum()))
     if len(faces) == 0:
-        return ReconstructionScores(np.nan, np.nan, np.nan, np.nan, floor_pct)
+        return ReconstructionScores(np.nan, np.nan, np.nan, floor_pct)
     mesh = TriangleMesh(np.asarray(vertices, np.float64), np.asarray(faces, np.int32))
     points = sample_surface(mesh, num_samples, rng).points
     native_m = (true_distance or MeshDistance(true_mesh)).distance_m(points)
@@ -130,7 +112,6 @@ def reconstruction_scores(
     return ReconstructionScores(
         acc_cm=_mean_cm(native_m),
         fpr_pct=100.0 - _below_pct(native_m),
-        acc_official_cm=_mean_cm(official_m),
         fpr_official_pct=100.0 - _below_pct(official_m),
         fpr_floor_pct=floor_pct,
     )

@@ -17,14 +17,6 @@ class Reliability:
     counts: NDArray[np.int64]
     """(B,) points of each bin."""
 
-    @property
-    def calibration_error_m(self) -> float:
-        """Mean over the points of |predicted - true| of their bin, metres; NaN without any."""
-        if len(self.counts) == 0:
-            return float("nan")
-        gap_m = np.abs(self.predicted_std_m - self.rms_error_m)
-        return float(np.average(gap_m, weights=self.counts))
-
 
 def auroc(scores: ArrayLike, positive: ArrayLike) -> float:
     """Chance that a positive scores higher than a negative; ties count half.

@@ -61,7 +61,6 @@ def test_reliability_of_two_levels_is_read_off():
     np.testing.assert_allclose(result.predicted_std_m, [0.1, 0.3])
     np.testing.assert_allclose(result.rms_error_m, [0.1, 0.5])
     np.testing.assert_array_equal(result.counts, [2, 2])
-    assert result.calibration_error_m == pytest.approx(0.1)
 
 
 def test_true_standard_deviations_are_reliable(rng):
@@ -69,12 +68,11 @@ def test_true_standard_deviations_are_reliable(rng):
     result = reliability(std, std * rng.standard_normal(40_000), bins=8)
     np.testing.assert_allclose(result.rms_error_m, result.predicted_std_m, rtol=0.06)
     assert result.counts.sum() == 40_000
-    assert result.calibration_error_m < 0.003
 
 
 def test_few_points_make_few_bins():
     assert len(reliability([0.1, 0.2], [0.0, 0.0], bins=10).counts) == 2
-    assert np.isnan(reliability([], []).calibration_error_m)
+    assert len(reliability([], []).counts) == 0
 
 
 def test_unequal_lengths_are_refused():
