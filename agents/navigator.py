@@ -32,6 +32,7 @@ class Navigator(ABC):
         self._seed = seed
         self.stopwatch = Stopwatch()
         self.compute_ms: Final = self.stopwatch.compute_ms
+        self._episode = env.num_episodes
         self._forget()
 
     def predict(
@@ -43,6 +44,8 @@ class Navigator(ABC):
     ) -> tuple[NDArray[np.int64], State]:
         """Choose an action; the signature is Stable-Baselines3's.
 
+        What was seen in an episode before is forgotten, whether or not `episode_start` tells of a new one.
+
         Args:
             observation: The environment's last observation, single or of a vector of one.
             state: Ignored and handed back: a navigator keeps its own.
@@ -52,12 +55,13 @@ class Navigator(ABC):
         Returns:
             The action as a () or (1,) int64 array, as the observation is shaped, and the state.
         """
-        if episode_start is not None and bool(np.any(episode_start)):
+        if self._episode != self.env.num_episodes or (episode_start is not None and np.any(episode_start)):
             self.begin_episode()
         return actions_for(observation, self._act(observation)), state
 
     def begin_episode(self) -> None:
         """Forget the last episode."""
+        self._episode = self.env.num_episodes
         self.stopwatch.reset()
         self._forget()
 

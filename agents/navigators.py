@@ -5,10 +5,12 @@ from dataclasses import replace
 from typing import Any, Final
 
 import gymnasium
+from gymnasium import spaces
 
 from agents.learned_navigator import PLUS, STAR, DDPPONavigator, LearnedSettings
 from agents.navigator import Navigator
 from agents.planning_navigators import OracleNavigator, PlannerNavigator
+from anm_gym.actions import Action
 from anm_gym.wrappers.goal import GoalWrapper
 
 
@@ -42,7 +44,7 @@ def make_navigator(name: str, env: gymnasium.Env[Any, Any], seed: int = 0) -> Na
         seed: Seeds what the navigator draws.
 
     Raises:
-        ValueError: If there is no such navigator.
+        ValueError: If there is no such navigator, or the environment has other actions.
         TypeError: If the environment is not under a `GoalWrapper`.
         PolicyError: If the weights of a learned one cannot be read.
     """
@@ -50,4 +52,8 @@ def make_navigator(name: str, env: gymnasium.Env[Any, Any], seed: int = 0) -> Na
         raise ValueError(f"unknown navigator {name!r}; choose one of: {', '.join(sorted(NAVIGATORS))}")
     if not isinstance(env, GoalWrapper):
         raise TypeError(f"`env` must be wrapped in a GoalWrapper, got {type(env).__name__}")
+    if not isinstance(env.action_space, spaces.Discrete) or env.action_space.n != len(Action):
+        raise ValueError(
+            f"`env` must have the {len(Action)} actions of ANM/Explore-v0, got {env.action_space}"
+        )
     return NAVIGATORS[name](env, seed)

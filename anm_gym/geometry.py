@@ -14,6 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 LARGEST_DEPTH_M = 10_000.0
 """No camera sees farther, metres: beyond, single precision no longer tells centimetres apart."""
 
+RIGID_TOLERANCE = 1e-3
+"""How far the products of a rotation's axes may be from those of a true one."""
+
 
 @dataclass(frozen=True)
 class CameraSpec:
@@ -124,6 +127,26 @@ def camera_pose(position: ArrayLike, heading_rad: float) -> NDArray[np.float64]:
     pose[:3, :3] = [[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]]
     pose[:3, 3] = np.asarray(position, np.float64)
     return pose
+
+
+def check_rigid(world_from_camera: NDArray[np.floating]) -> None:
+    """Refuse what is not the pose of a camera, (4, 4): a rotation and a place, neither scaled nor mirrored.
+
+    Raises:
+        ValueError: If it is of another shape, not finite, or not rigid.
+    """
+    pose = np.asarray(world_from_camera)
+    if pose.shape != (4, 4) or not np.isfinite(pose).all():
+        raise ValueError(f"`world_from_camera` must be a finite 4 x 4 pose, got {pose}")
+    rotation = pose[:3, :3].astype(np.float64)
+    is_rotation = (
+        np.abs(rotation @ rotation.T - np.eye(3)).max() < RIGID_TOLERANCE and np.linalg.det(rotation) > 0
+    )
+    if not is_rotation or np.abs(pose[3] - (0.0, 0.0, 0.0, 1.0)).max() > RIGID_TOLERANCE:
+        raise ValueError(
+            "`world_from_camera` must hold a rotation, a place and a last row of 0, 0, 0, 1, got "
+            f"{pose.tolist()}; is it scaled, mirrored or transposed?"
+        )
 
 
 def heading_of(world_from_camera: NDArray[np.floating]) -> float:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from anm_gym.errors import MapError
-from anm_gym.geometry import CameraSpec
+from anm_gym.geometry import CameraSpec, check_rigid
 from anm_gym.map.cloud import SurfaceCloud
 from anm_gym.map.frames import FrameStore
 from anm_gym.map.hybrid_field import make_field
@@ -35,6 +35,8 @@ from anm_gym.stopwatch import Stopwatch
 
 CLOUD_STRIDE_PX = 2
 CHUNK_POINTS = 16384
+INDOORS_M = 100.0
+"""Where most depths of an image are larger, it is not in metres."""
 POSTERIOR_SEED = 0
 """Seeds the draws of `NeuralMap.posterior_std`."""
 
@@ -81,6 +83,7 @@ class NeuralMap:
         (1,)
     """
 
+    @torch.inference_mode(False)  # else nothing could be learned later
     def __init__(
         self, settings: MapSettings, camera: CameraSpec, *, seed: int = 0, device: str = "cpu"
     ) -> None:
@@ -89,9 +92,11 @@ class NeuralMap:
         self.stopwatch = Stopwatch()
         self.num_frames, self.num_keyframes = 0, 0
         self.cloud, self.volume = SurfaceCloud(), ObservedVolume(camera)
-        self.field = make_field(settings.field, torch.Generator().manual_seed(seed)).to(self.device)
+        with torch.random.fork_rng(devices=[]):  # layers draw from torch's own generator before we do
+            field = make_field(settings.field, torch.Generator().manual_seed(int(seed)))
+        self.field = field.to(self.device)
         self.frames = FrameStore(camera, settings.sampling, self.device)
-        self._generator = torch.Generator(self.device).manual_seed(seed + 1)
+        self._generator = torch.Generator(self.device).manual_seed(int(seed) + 1)
         self._optimizer = torch.optim.AdamW(
             self.field.network.parameters(),
             lr=settings.schedule.learning_rate,
@@ -114,6 +119,8 @@ class NeuralMap:
             raise MapError("the map must have seen a frame; call `integrate` first")
         return self._occupancy
 
+    @torch.inference_mode(False)
+    @torch.enable_grad()
     def integrate(self, depth_m: NDArray[np.float32], world_from_camera: NDArray[np.floating]) -> MapUpdate:
         """Learn from one posed depth image.
 
@@ -125,8 +132,8 @@ class NeuralMap:
             What was done, with the loss terms of the last iteration.
 
         Raises:
-            ValueError: If the image does not fit the camera or is not in metres, or the pose is none or not
-                level; the map is as it was.
+            ValueError: If the image does not fit the camera or is not in metres, or the pose is not rigid or
+                not level; the map is as it was.
 
         Source:
             Active Neural Mapping, Sec. 4.1, Eq. 3.
@@ -136,9 +143,9 @@ class NeuralMap:
             raise ValueError(f"`depth_m` must have shape {expected}, got {depth_m.shape}")
         if not np.issubdtype(depth_m.dtype, np.floating):
             raise ValueError(f"`depth_m` must be floating point metres, got {depth_m.dtype}; convert it")
-        world_from_camera = np.asarray(world_from_camera)
-        if world_from_camera.shape != (4, 4) or not np.isfinite(world_from_camera).all():
-            raise ValueError(f"`world_from_camera` must be a finite 4 x 4 pose, got {world_from_camera}")
+        depth_m, world_from_camera = np.array(depth_m, np.float32), np.asarray(world_from_camera)
+        _check_metres(depth_m)
+        check_rigid(world_from_camera)
         check_level(world_from_camera)
         with self.stopwatch("observe"):
             is_keyframe = self._admit(depth_m, world_from_camera)
@@ -167,6 +174,8 @@ class NeuralMap:
             chunks = self._tensor(points).split(CHUNK_POINTS)
             return np.concatenate([_array(self.field(chunk)) for chunk in chunks])
 
+    @torch.inference_mode(False)
+    @torch.enable_grad()
     def gradient(self, points: NDArray[np.floating]) -> NDArray[np.float32]:
         """Differentiate the signed distance at (N, 3) points, (N, 3) float32, not normalised."""
         gradients = []
@@ -177,6 +186,9 @@ class NeuralMap:
 
     def variability(self, points: NDArray[np.floating]) -> NDArray[np.float32]:
         """Score (N, 3) points by their neural variability, (N,) float32; see `anm_gym.map.perturbation`.
+
+        It draws from the map's own generator, so that what is learned afterwards depends on how often it was
+        asked; ask a `deepcopy` of the map, or `posterior_std`, where nothing may change.
 
         Source:
             Active Neural Mapping, Sec. 4.2, Eq. 4.
@@ -193,7 +205,17 @@ class NeuralMap:
         return np.sqrt(self._variability(points, settings, generator))
 
     def mesh(self, voxel_m: float = 0.06, crop_m: float = 0.25) -> ZeroCrossings:
-        """Reconstruct the scene: zero-crossings within `crop_m` of an observed point that are well known."""
+        """Reconstruct the scene: zero-crossings within `crop_m` of an observed point that are well known.
+
+        Args:
+            voxel_m: Spacing of the lattice, metres.
+            crop_m: Farthest from an observed point, metres.
+
+        Raises:
+            ValueError: If `voxel_m` is not positive or `crop_m` negative.
+        """
+        if not (voxel_m > 0.0 and crop_m >= 0.0):
+            raise ValueError(f"`voxel_m` must be > 0 and `crop_m` >= 0, got {voxel_m} and {crop_m}")
         if len(self.cloud) == 0:
             return EMPTY
         diagonal_m = np.sqrt(3.0) * voxel_m
@@ -225,6 +247,7 @@ class NeuralMap:
             "counts": torch.tensor(counts),
         }
 
+    @torch.inference_mode(False)
     def load_state(self, state: dict[str, Tensor]) -> None:
         """Restore what `state` returned.
 
@@ -377,7 +400,15 @@ class NeuralMap:
         points = np.asarray(points)
         if points.ndim != 2 or points.shape[1] != 3:
             raise ValueError(f"`points` must have shape (N, 3), got {points.shape}")
-        return torch.tensor(points, dtype=torch.float32, device=self.device)
+        return torch.from_numpy(np.array(points, np.float32)).to(self.device)
+
+
+def _check_metres(depth_m: NDArray[np.float32]) -> None:
+    far = np.count_nonzero((depth_m > INDOORS_M) & (depth_m < np.inf))
+    if 2 * far > np.count_nonzero((depth_m > 0.0) & (depth_m < np.inf)):
+        raise ValueError(
+            f"`depth_m` must be in metres, got depths of more than {INDOORS_M:g}; are they millimetres?"
+        )
 
 
 def _part(state: dict[str, Tensor], name: str) -> dict[str, Tensor]:

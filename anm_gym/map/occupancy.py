@@ -62,7 +62,8 @@ def check_level(world_from_camera: NDArray[np.floating]) -> None:
     """Refuse the (4, 4) pose of a camera that leans, with a ValueError."""
     if abs(float(world_from_camera[1, 1]) - 1.0) > LEVEL_TOLERANCE:
         raise ValueError(
-            f"`world_from_camera` must be level, got an up axis with y = {world_from_camera[1, 1]:.3f}"
+            f"`world_from_camera` must be level, got an up axis with y = {world_from_camera[1, 1]:.3f}; its "
+            "axes are right, up and backwards: two of OpenCV's, the second and third column, turn round"
         )
 
 

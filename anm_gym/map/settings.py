@@ -34,10 +34,8 @@ class GridSettings:
     """Evidence of an observation behind the surface, where thin things end; 1 in front of it."""
 
     def __post_init__(self) -> None:
-        if min(self.voxel_m, self.band_m, self.noise_m, self.prior_std_m, self.max_evidence) <= 0.0:
-            raise ValueError(f"lengths and limits of a grid must be > 0, got {self}")
-        if self.behind_weight < 0.0:
-            raise ValueError(f"`behind_weight` must be >= 0, got {self.behind_weight}")
+        check_positive(self, "voxel_m", "band_m", "noise_m", "prior_std_m", "max_evidence")
+        check_at_least(self, 0.0, "behind_weight")
 
 
 @dataclass(frozen=True)
@@ -125,6 +123,7 @@ class SamplingSettings:
             raise ValueError("`rays_per_frame` and `near_surface` must be >= 1, `stratified` >= 0")
         check_at_least(self, 0, "fill_in_rays")
         check_at_least(self, 1, "fill_in_candidates")
+        check_at_least(self, 0.0, "near_surface_std_m", "behind_m")
         if not 0.0 <= self.min_depth_m < self.max_depth_m:
             raise ValueError(
                 "`min_depth_m` must be >= 0 and less than `max_depth_m`, "
@@ -174,6 +173,8 @@ class LossSettings:
 
     def __post_init__(self) -> None:
         check_choices(self)
+        check_positive(self, "truncation_m")
+        check_at_least(self, 0.0, "truncated_weight", "free_space_decay", "eikonal_weight", "normal_weight")
         if not 0.0 < self.gradient_share <= 1.0:
             raise ValueError(f"`gradient_share` must be in (0, 1], got {self.gradient_share}")
         if not 0.0 < self.network_share <= 1.0:
@@ -233,6 +234,7 @@ class KeyframeSettings:
     def __post_init__(self) -> None:
         check_choices(self)
         check_at_least(self, 1, "rays", "max_interval")
+        check_at_least(self, 0.0, "explained_share")
         check_positive(self, "relative_error")
 
 
@@ -279,6 +281,10 @@ class MapSettings:
     reconstruction_std_m: float | None = None
     """The reconstruction leaves out zero-crossings whose posterior standard deviation is larger, metres
     (ours); None keeps all that lie near observed points, as the released code does."""
+
+    def __post_init__(self) -> None:
+        if self.reconstruction_std_m is not None:
+            check_positive(self, "reconstruction_std_m")
 
     @property
     def settings_hash(self) -> str:

@@ -4,7 +4,10 @@ The base class decides when a goal has ended; subclasses decide which comes next
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import wraps
+from inspect import signature
 from typing import Any
 
 import gymnasium
@@ -83,6 +86,12 @@ class GoalWrapper(
     - v0: first version.
     """
 
+    def __init_subclass__(cls, **options: Any) -> None:
+        """Have the arguments of subclasses recorded, for `spec` and for the settings' hash in result rows."""
+        super().__init_subclass__(**options)
+        if "__init__" in vars(cls):
+            cls.__init__ = _recording(cls.__init__)  # type: ignore[method-assign]
+
     def __init__(self, env: gymnasium.Env[Observation, np.int64], *, limits: GoalLimits, seed: int) -> None:
         gymnasium.Wrapper.__init__(self, env)
         require_exploration(env)
@@ -97,6 +106,7 @@ class GoalWrapper(
         self.stopwatch: Stopwatch = Stopwatch()
         self.compute_ms = self.stopwatch.compute_ms
         self.rng: np.random.Generator = np.random.default_rng(seed)
+        self.num_episodes: int = 0
         self._seed: int = seed
         self._has_neural_map: bool = env.has_wrapper_attr("neural_map")
         self._grid: OccupancyGrid | None = None
@@ -149,6 +159,7 @@ class GoalWrapper(
     ) -> tuple[Observation, dict[str, Any]]:
         """Begin an episode and propose the first goal."""
         observation, info = self.env.reset(seed=seed, options=options)
+        self.num_episodes += 1
         self.rng = np.random.default_rng(self._seed if seed is None else [self._seed, seed])
         self.stopwatch.reset()
         self._grid, self._goal = None, None
@@ -329,3 +340,18 @@ class GoalWrapper(
             "handovers_count": len(self.handovers),
         }
         return {**observation, "pointgoal_with_gps_compass": polar}, {**info, **added}
+
+
+def _recording(construct: Callable[..., None]) -> Callable[..., None]:
+    """Let a class's constructor record its arguments besides the environment, unless it does that itself."""
+    parameters = signature(construct)
+
+    @wraps(construct)
+    def recorded(self: GoalWrapper, *args: Any, **kwargs: Any) -> None:
+        construct(self, *args, **kwargs)
+        if type(self).__init__ is recorded and not hasattr(self, "_saved_kwargs"):
+            bound = parameters.bind(self, *args, **kwargs)
+            bound.apply_defaults()
+            RecordConstructorArgs.__init__(self, **dict(list(bound.arguments.items())[2:]))
+
+    return recorded

@@ -168,6 +168,21 @@ def test_second_episode_does_not_depend_on_the_first(seat, habit) -> None:
     assert trails[0] == trails[1]
 
 
+def test_new_episode_is_noticed_without_being_told(seat, habit) -> None:
+    env = seat(2.0, -1.5)
+    navigator = DDPPONavigator(env, habit(LEFT, FORWARD))
+    trails = []
+    for _ in range(2):
+        observation, _ = env.reset(seed=0)
+        trail = []
+        for _ in range(15):
+            action, _ = navigator.predict(observation)
+            observation, *_ = env.step(np.int64(action))
+            trail.append(int(action))
+        trails.append(trail)
+    assert trails[0] == trails[1]
+
+
 def test_same_seed_same_moves(seat, habit) -> None:
     env = seat(2.0, -1.5)
     env.reset(seed=0)

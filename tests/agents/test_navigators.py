@@ -12,6 +12,7 @@ from anm_gym.actions import Action
 from anm_gym.envs.explore import ExploreEnv
 from anm_gym.mesh import TriangleMesh
 from anm_gym.wrappers.goal import Goal, GoalLimits, GoalWrapper
+from anm_gym.wrappers.moves_only import MovesOnlyWrapper
 
 Explore = Callable[..., ExploreEnv]
 MEAN_STEP_M = 0.065
@@ -129,6 +130,12 @@ def test_unknown_navigator_lists_the_choices(explore: Explore, box_room: Callabl
     env = GoalList(explore(box_room()), goals((1.0, 0.0, None)))
     with pytest.raises(ValueError, match="unknown navigator 'teleport'; choose one of: ddppo, "):
         make_navigator("teleport", env)
+
+
+def test_navigator_needs_all_actions(explore: Explore, box_room: Callable[..., TriangleMesh]) -> None:
+    env = GoalList(MovesOnlyWrapper(explore(box_room())), goals((1.0, 0.0, None)))
+    with pytest.raises(ValueError, match="must have the 4 actions of ANM/Explore-v0, got Discrete"):
+        make_navigator("planner", env)
 
 
 def test_navigator_needs_goals(explore: Explore, box_room: Callable[..., TriangleMesh]) -> None:

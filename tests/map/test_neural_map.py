@@ -3,9 +3,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
 from anm_gym.errors import MapError
-from anm_gym.geometry import CameraSpec
+from anm_gym.geometry import CameraSpec, camera_pose
 from anm_gym.map.neural_map import NeuralMap
 from anm_gym.map.presets import map_settings
 from anm_gym.map.settings import MapSettings, ScheduleSettings
@@ -184,9 +185,13 @@ def test_compute_is_counted_by_module(learned: NeuralMap) -> None:
         ),
         (
             np.ones((64, 64), np.float32),
-            np.diag([1.0, 0.9, 1.0, 1.0]),
-            "must be level, got an up axis with y = 0.900",
+            camera_pose([0.0, 1.25, 0.0], 0.3) @ np.diag([1.0, -1.0, -1.0, 1.0]),
+            "must be level, got an up axis with y = -1.000; .* of OpenCV's",
         ),
+        (np.ones((64, 64), np.float32), np.diag([1.0, 0.9, 1.0, 1.0]), "scaled, mirrored or transposed"),
+        (np.ones((64, 64), np.float32), np.diag([-1.0, 1.0, 1.0, 1.0]), "scaled, mirrored or transposed"),
+        (np.ones((64, 64), np.float32), camera_pose([1.0, 1.0, 1.0], 0.0).T, "mirrored or transposed"),
+        (np.full((64, 64), 2000.0, np.float32), np.eye(4), "must be in metres, .* are they millimetres"),
         (
             np.ones((64, 64, 3), np.float32),
             np.eye(4),
@@ -201,6 +206,57 @@ def test_frame_that_is_no_depth_or_has_no_pose_is_refused(tour, depth, pose, wha
         neural_map.integrate(depth, pose)
     assert neural_map.num_frames == 0
     assert len(neural_map.frames) == len(neural_map.cloud) == 0
+
+
+def test_a_few_far_depths_are_no_millimetres(tour) -> None:
+    depth = np.ones((64, 64), np.float32)
+    depth[:4], depth[4:8] = 65_535.0, np.inf
+    assert NeuralMap(small(), tour.camera).integrate(depth, np.eye(4)).iterations > 0
+
+
+@pytest.mark.parametrize("mode", [torch.no_grad, torch.inference_mode])
+def test_map_learns_and_answers_the_same_whatever_the_caller_does_about_gradients(tour, mode) -> None:
+    points = tour.depths[0].reshape(-1)[:30].reshape(-1, 3)
+
+    def learn() -> list[np.ndarray]:
+        neural_map = NeuralMap(small(first_iterations=3, iterations=1), tour.camera)
+        for depth, pose in zip(tour.depths[:3], tour.poses[:3], strict=True):
+            neural_map.integrate(depth, pose)
+        asked = neural_map.sdf(points), neural_map.gradient(points), neural_map.variability(points)
+        return [*asked, neural_map.posterior_std(points)]
+
+    with mode():
+        inside = learn()
+    for first, second in zip(inside, learn(), strict=True):
+        np.testing.assert_array_equal(first, second)
+
+
+def test_map_made_without_gradients_learns_on_with_them(tour) -> None:
+    with torch.inference_mode():
+        neural_map = NeuralMap(small(first_iterations=3, iterations=1), tour.camera)
+        neural_map.integrate(tour.depths[0], tour.poses[0])
+    assert neural_map.integrate(tour.depths[1], tour.poses[1]).iterations > 0
+
+
+def test_torch_s_own_generator_is_left_alone(tour) -> None:
+    before = torch.random.get_rng_state()
+    NeuralMap(small(), tour.camera)
+    assert torch.equal(torch.random.get_rng_state(), before)
+
+
+def test_arrays_may_be_flipped_read_only_or_of_another_byte_order(learned: NeuralMap, tour) -> None:
+    points = np.arange(12.0, dtype=np.float32).reshape(4, 3) / 10
+    np.testing.assert_array_equal(learned.sdf(points[::-1]), learned.sdf(points)[::-1])
+    np.testing.assert_array_equal(learned.sdf(points.astype(">f4")), learned.sdf(points))
+    upside_down = tour.depths[0][::-1]
+    upside_down.flags.writeable = False
+    assert NeuralMap(small(), tour.camera).integrate(upside_down, tour.poses[0]).iterations > 0
+
+
+@pytest.mark.parametrize("sizes", [(0.0, 0.1), (-1.0, 0.1), (np.nan, 0.1), (0.1, -1.0)])
+def test_reconstruction_without_a_spacing_is_refused(learned: NeuralMap, sizes: tuple[float, float]) -> None:
+    with pytest.raises(ValueError, match="`voxel_m` must be > 0 and `crop_m` >= 0"):
+        learned.mesh(*sizes)
 
 
 def test_points_may_be_a_list(learned: NeuralMap) -> None:

@@ -1,4 +1,6 @@
+import math
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import pytest
@@ -6,8 +8,10 @@ import pytest
 from anm_gym.map.presets import map_settings
 from anm_gym.map.settings import (
     FieldSettings,
+    GridSettings,
     KeyframeSettings,
     LossSettings,
+    MapSettings,
     SamplingSettings,
     ScheduleSettings,
     VariabilitySettings,
@@ -57,6 +61,13 @@ def test_bad_settings_are_refused() -> None:
         (FieldSettings, {"activation": "tanh"}),
         (ScheduleSettings, {"learning_rate": 0.0}),
         (ScheduleSettings, {"iterations": -1}),
+        (SamplingSettings, {"near_surface_std_m": -1.0}),
+        (SamplingSettings, {"behind_m": -1.0}),
+        (LossSettings, {"truncation_m": -1.0}),
+        (LossSettings, {"eikonal_weight": -1.0}),
+        (KeyframeSettings, {"explained_share": -3.0}),
+        (MapSettings, {"reconstruction_std_m": -1.0}),
+        (partial(GridSettings, band_m=0.1, noise_m=0.1, prior_std_m=0.1), {"voxel_m": math.nan}),
     ],
 )
 def test_settings_that_would_run_something_else_are_refused(settings: Any, change: dict[str, Any]) -> None:

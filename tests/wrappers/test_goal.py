@@ -239,6 +239,38 @@ def test_places_near_a_failure_are_told_apart(scripted: Callable[..., ScriptedGo
     assert not env.near_failure(places, 0.0).any()
 
 
+class PlainGoals(GoalWrapper):
+    """Say nothing of its arguments, as a first wrapper of one's own may."""
+
+    def __init__(self, env: gymnasium.Env[Any, Any], arrival_m: float = 0.3, *, seed: int = 0) -> None:
+        super().__init__(env, limits=GoalLimits(arrival_m=arrival_m), seed=seed)
+
+    def _begin_episode(self) -> None:
+        pass
+
+    def _propose_goal(self) -> Goal | None:
+        return None
+
+    def _review_goal(self, goal: Goal) -> Goal | None:
+        return goal
+
+
+class FartherGoals(PlainGoals):
+    def __init__(self, env: gymnasium.Env[Any, Any], metres: float) -> None:
+        super().__init__(env, 2.0 * metres)
+
+
+def test_wrapper_that_records_nothing_can_be_made_again_from_its_spec() -> None:
+    bare = gymnasium.make(
+        "anm_gym:ANM/Explore-v0", scene="home:studio:1", camera={"width_px": 16, "height_px": 16}
+    )
+    (plain,) = PlainGoals(bare, 0.5).spec.additional_wrappers  # type: ignore[union-attr]
+    assert plain.kwargs == {"arrival_m": 0.5, "seed": 0}
+    (farther,) = FartherGoals(bare, 0.5).spec.additional_wrappers  # type: ignore[union-attr]
+    assert farther.kwargs == {"metres": 0.5}
+    bare.close()
+
+
 def test_environment_that_does_not_explore_is_refused() -> None:
     env = gymnasium.make("CartPole-v1")
     with pytest.raises(ValueError, match="`env` must have the observations of ANM/Explore-v0"):
