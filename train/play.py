@@ -54,6 +54,7 @@ def play_missing(
     if missing:
         hold_folder(out)
         versions()  # of the code as it is now: it may change while episodes are played
+    _point_out_earlier([row for row in rows if row_key(row) in {job.key for job in jobs}], len(jobs))
     bar = tqdm(total=len(jobs), initial=len(jobs) - len(missing), unit="episode", smoothing=0.1)
     with bar:
         for job, row in run_on(backend, play, missing):
@@ -91,6 +92,18 @@ def report_failures(rows: Iterable[Row]) -> None:
 
 def _player(row: Row) -> str:
     return agent_name(row["agent"], row["preset"])
+
+
+def _point_out_earlier(rows: Sequence[Row], num_jobs: int) -> None:
+    """Say which episodes are not played now though the code may have changed since: their numbers are old."""
+    now = versions()["commit"]
+    commits = {(row.get("versions") or {}).get("commit", "") for row in rows if not row.get("error")}
+    if earlier := sorted(commit for commit in commits if commit != now or commit.endswith("+")):
+        print(
+            f"{len(rows)} of {num_jobs} episodes were played before, by the code as of "
+            f"{', '.join(earlier)} (now {now}); another `--out` folder plays them anew",
+            file=sys.stderr,
+        )
 
 
 def _rows_beside(missing: Sequence[Job], rows: Iterable[Row]) -> list[Row]:

@@ -266,6 +266,16 @@ def test_row_that_would_spoil_the_file_is_not_written(field, tmp_path, play):
     assert (tmp_path / ROWS_FILE).read_bytes() == before
 
 
+def test_episodes_that_earlier_code_played_are_pointed_out(tmp_path, play, capsys):
+    def played_by(commit):
+        return lambda job: play(job) | {"versions": {"commit": commit}}
+
+    evaluate(Evaluation(["fbe"], ["home:flat:1"], [0], out=tmp_path), HERE, played_by("abc1234+"))
+    assert "played before" not in capsys.readouterr().err
+    evaluate(Evaluation(["fbe"], ["home:flat:1"], [0, 1], out=tmp_path), HERE, played_by("def5678"))
+    assert "1 of 2 episodes were played before, by the code as of abc1234+ (now" in capsys.readouterr().err
+
+
 def test_two_rows_of_one_run_that_cannot_be_compared_are_not_both_written(tmp_path, play):
     with pytest.raises(ValueError, match="must have one geometry"):
         evaluate(
