@@ -3,6 +3,7 @@
 What the numbers mean (unit, up axis) and whether they are sound is left to `cleaning` and `axes`.
 """
 
+import io
 import itertools
 import json
 from collections.abc import Iterator
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from anm_gym.errors import SceneError
 from anm_gym.scenes.colors import PLAIN_RGB, face_colors_of
+from anm_gym.scenes.obj_text import needs_care, plain_obj
 
 SUFFIXES: Final = (".glb", ".gltf", ".obj", ".ply", ".stl")
 """The mesh formats that can be read."""
@@ -132,12 +134,44 @@ def _check_lines(path: Path) -> None:
 
 def _parse(path: Path) -> trimesh.Scene:
     try:
-        return trimesh.load_scene(path, process=False)
+        text = _rewritten(path)
+        if text is None:
+            return trimesh.load_scene(path, process=False)
+        kind, resolver = path.suffix[1:].lower(), trimesh.resolvers.FilePathResolver(str(path))
+        return trimesh.load_scene(io.BytesIO(text), file_type=kind, resolver=resolver, process=False)
     except Exception as error:  # trimesh raises whatever its parsers meet: KeyError, struct.error, ...
         reason = f"{type(error).__name__}: {error}"
         raise SceneError(
             f"{path} cannot be read as {path.suffix} ({reason}); it may be truncated: copy or export it again"
         ) from error
+
+
+def _rewritten(path: Path) -> bytes | None:
+    """A file's content where it cannot be parsed as it is: text in another code, faces of many corners."""
+    suffix = path.suffix.lower()
+    if suffix in {".glb", ".gltf"}:
+        return None
+    data = path.read_bytes()
+    end = data.find(b"end_header") if suffix == ".ply" else len(data)
+    if suffix == ".stl" and not _is_text(data):
+        return None
+    text, changed = _decoded(data[:end])
+    if suffix == ".obj" and needs_care(data):
+        text, changed = plain_obj(text), True
+    return text.encode() + data[end:] if changed else None
+
+
+def _is_text(data: bytes) -> bool:
+    """Whether STL data are text: those of binary files begin with 80 bytes and the number of triangles."""
+    return len(data) != 84 + 50 * int.from_bytes(data[80:84], "little")
+
+
+def _decoded(data: bytes) -> tuple[str, bool]:
+    """Decode text, and tell whether it is Latin-1, which any bytes may be, rather than UTF-8."""
+    try:
+        return data.decode(), False
+    except UnicodeDecodeError:
+        return data.decode("latin-1"), True
 
 
 def _parts_of(scene: trimesh.Scene, path: Path) -> Iterator[RawMesh]:
