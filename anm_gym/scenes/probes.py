@@ -10,10 +10,12 @@ from anm_gym.geometry import CameraSpec
 from anm_gym.mesh import TriangleMesh
 from anm_gym.sim.backends import cpu_backend, make_depth_camera
 from anm_gym.sim.camera import DepthCamera
-from anm_gym.sim.traversable import TraversableGrid
+from anm_gym.sim.traversable import ROOF_M, TraversableGrid
 
 EYE_HEIGHT_M: Final = 1.25
 """Height of the probes above the floor, metres: the camera of Active Neural Mapping, Sec. 5.1."""
+WALL_M: Final = 20.0
+"""Farthest wall, metres; what is farther may be a horizon (ours)."""
 _NUM_LEVEL_RAYS: Final = 64
 _NUM_SPHERE_RAYS: Final = 128
 _UP: Final = np.array([[0.0, 1.0, 0.0]])
@@ -27,8 +29,12 @@ class Surroundings:
     """Share of the points with something overhead."""
     ceiling_y_m: float | None
     """Median height of what is overhead, metres; None where less than half is covered."""
+    roofed_share: float
+    """Share of the points with something overhead that is no farther than a roof."""
     level_escape_share: float
     """Share of the level rays that meet nothing."""
+    walled_share: float
+    """Share of the level rays that meet something no farther than walls are."""
     escape_share: float
     """Share of the rays in all directions that meet nothing."""
     back_face_share: float
@@ -36,8 +42,13 @@ class Surroundings:
 
     @property
     def is_sheltered(self) -> bool:
-        """Whether the place is indoors: mostly under a ceiling, or mostly between walls."""
-        return self.covered_share >= 0.5 or self.level_escape_share <= 0.5
+        """Whether the place is indoors: mostly under a roof, or mostly between walls; a sky is neither."""
+        return self.is_roofed or self.walled_share >= 0.5
+
+    @property
+    def is_roofed(self) -> bool:
+        """Whether most of the place is under a roof."""
+        return self.roofed_share >= 0.5
 
 
 def make_probe(mesh: TriangleMesh) -> DepthCamera:
@@ -72,8 +83,10 @@ def probe_surroundings(
     height_m = float(np.median(overhead_m[is_covered])) if covered_share >= 0.5 else None
     return Surroundings(
         covered_share=covered_share,
+        roofed_share=float((overhead_m <= ROOF_M - EYE_HEIGHT_M).mean()),
         ceiling_y_m=None if height_m is None else round(floor_y_m + EYE_HEIGHT_M + height_m, 3),
         level_escape_share=float(np.isinf(level_m).mean()),
+        walled_share=float((level_m <= WALL_M).mean()),
         escape_share=float(1.0 - is_hit.mean()),
         back_face_share=float((facing[is_hit] > 0.0).mean()) if is_hit.any() else 0.0,
     )

@@ -15,7 +15,7 @@ from anm_gym.mesh import TriangleMesh
 from anm_gym.scenes.probes import EYE_HEIGHT_M, Surroundings, make_probe, probe_surroundings
 from anm_gym.scenes.scene import Storey
 from anm_gym.sim.camera import DepthCamera
-from anm_gym.sim.traversable import TraversableGrid
+from anm_gym.sim.traversable import ROOFED_M2, TraversableGrid
 
 MIN_STOREY_GAP_M: Final = 1.8
 """Floors closer than this belong to one storey, metres: a person's height (ours)."""
@@ -29,6 +29,8 @@ _WINDOW_BINS: Final = 5
 _PEAK_GAP_M: Final = 0.08
 _THICKEST_SLAB_M: Final = 0.5
 _MAX_CANDIDATES: Final = 16
+_MAX_LEAST_M2: Final = 2.0
+"""Level surface that is always looked at, square metres: beside a landscape any floor is small."""
 _MIN_LEVELNESS: Final = 0.9
 
 
@@ -91,7 +93,7 @@ def _peaks(heights_m: NDArray[np.float64], areas_m2: NDArray[np.float64]) -> Ite
     histogram = np.bincount(bins, areas_m2, int(bins.max()) + _WINDOW_BINS)
     smooth = np.convolve(histogram, np.ones(_WINDOW_BINS), mode="same")
     centers_m = lowest_m + (np.arange(len(smooth)) + 0.5) * _BIN_M
-    least_m2 = max(MIN_AREA_M2, 0.02 * float(smooth.max()))
+    least_m2 = min(max(MIN_AREA_M2, 0.02 * float(smooth.max())), _MAX_LEAST_M2)
     for _ in range(_MAX_CANDIDATES):
         peak = int(smooth.argmax())
         if smooth[peak] < least_m2:
@@ -124,7 +126,7 @@ def _navigable(
 
 def _try_height(mesh: TriangleMesh, caster: DepthCamera, height_m: float) -> list[_Candidate]:
     grid = TraversableGrid.from_mesh(mesh, height_m)
-    area_m2 = max(grid.component_areas_m2, default=0.0)
+    area_m2 = next(iter(grid.component_areas_m2), 0.0)
     if area_m2 < MIN_AREA_M2:
         return []
     return [_Candidate(height_m, area_m2, probe_surroundings(caster, mesh, grid, height_m))]
@@ -148,13 +150,16 @@ def _is_roof(found: _Candidate, heights_m: NDArray[np.float64], areas_m2: NDArra
 def _merge_close(candidates: Sequence[_Candidate]) -> list[_Candidate]:
     """Keep the largest of each group of close floors; of nearly equal ones, the highest.
 
-    Both faces of a thin slab hold the body, since it steps over 10 cm, but it stands on the upper.
+    A floor under a roof comes before the ground around the house, however large that is. Both faces of a
+    thin slab hold the body, since it steps over 10 cm, but it stands on the upper.
     """
     kept: list[_Candidate] = []
     by_rank = sorted(candidates, key=lambda found: found.floor_y_m, reverse=True)
     while by_rank:
-        largest_m2 = max(found.area_m2 for found in by_rank)
-        best = next(found for found in by_rank if found.area_m2 >= 0.9 * largest_m2)
+        roofed = [f for f in by_rank if f.surroundings.is_roofed and f.area_m2 >= ROOFED_M2]
+        rivals = roofed or by_rank
+        largest_m2 = max(found.area_m2 for found in rivals)
+        best = next(found for found in rivals if found.area_m2 >= 0.9 * largest_m2)
         kept.append(best)
         by_rank = [f for f in by_rank if abs(f.floor_y_m - best.floor_y_m) >= MIN_STOREY_GAP_M]
     return kept

@@ -17,6 +17,10 @@ FLOOR_TOLERANCE_M = 0.05
 """Surfaces this far below the floor still carry the agent, metres."""
 MAX_CELLS = 25_000_000
 """Cells of the largest raster, 250 m square at the default cell; beyond it the unit is wrong."""
+ROOF_M = 8.0
+"""Highest roof over a floor, metres; what is higher may be a sky (ours)."""
+ROOFED_M2 = 8.0
+"""Area from which a part under a roof comes before a larger one in the open, square metres (ours)."""
 CONTACT_M = 1e-6
 """The body touches where the clearance is its radius to within this, metres; above float32's rounding."""
 
@@ -61,7 +65,8 @@ class TraversableGrid:
     clearance_m: NDArray[np.float32]
     """(rows, columns) distance to the nearest cell that is occupied or has no floor, metres."""
     component: NDArray[np.int32]
-    """(rows, columns) label of the connected navigable part: 0 for none, 1 for the largest."""
+    """(rows, columns) label of the connected navigable part: 0 for none, 1 for the largest; parts under a
+    roof come before those in the open, so that 1 is the house and not the lawn."""
 
     @classmethod
     def from_mesh(
@@ -96,6 +101,10 @@ class TraversableGrid:
         padded = np.pad(open_floor, 1)
         clearance = (cell_m * ndimage.distance_transform_edt(padded)[1:-1, 1:-1]).astype(np.float32)
         component = _components(clearance > body.radius_m + CONTACT_M)
+        large = np.bincount(component.ravel())[1:] * cell_m**2 >= ROOFED_M2
+        if large.sum() > 1:
+            roof = rasterise_slab(mesh.triangles, frame, top, floor_y_m + ROOF_M)
+            component = _with_roofed_first(component, roof, large)
         return cls(frame, body, has_floor, occupied, clearance, component)
 
     @cached_property
@@ -110,7 +119,7 @@ class TraversableGrid:
 
     @cached_property
     def component_areas_m2(self) -> tuple[float, ...]:
-        """Area of each connected navigable part, square metres, largest first."""
+        """Area of each connected navigable part, square metres, in the order of their labels."""
         counts = np.bincount(self.component.ravel())[1:]
         return tuple(float(count) * self.frame.cell_m**2 for count in counts)
 
@@ -184,3 +193,14 @@ def _components(navigable: NDArray[np.bool_]) -> NDArray[np.int32]:
     rank = np.zeros(count + 1, np.int32)
     rank[np.argsort(-sizes, kind="stable") + 1] = np.arange(1, count + 1)
     return np.asarray(rank[labels], np.int32)
+
+
+def _with_roofed_first(
+    component: NDArray[np.int32], has_roof: NDArray[np.bool_], is_large: NDArray[np.bool_]
+) -> NDArray[np.int32]:
+    """Label anew so that large parts mostly under a roof come first; else the order stays."""
+    sizes, roofed = (np.bincount(labels.ravel())[1:] for labels in (component, component * has_roof))
+    is_indoors = is_large & (2 * np.pad(roofed, (0, len(sizes) - len(roofed))) >= sizes)
+    rank = np.zeros(len(sizes) + 1, np.int32)
+    rank[np.argsort(~is_indoors, kind="stable") + 1] = np.arange(1, len(sizes) + 1)
+    return np.asarray(rank[component], np.int32)

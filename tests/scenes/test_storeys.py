@@ -1,0 +1,55 @@
+"""Which floors of a mesh are storeys: the house before the ground around it, the room before the sky."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from anm_gym.mesh import TriangleMesh
+from anm_gym.scenes.storeys import find_storeys
+from anm_gym.sim.traversable import TraversableGrid
+
+BoxRoom = Callable[..., TriangleMesh]
+
+
+def ground(half_m: float, y_m: float) -> TriangleMesh:
+    corners = np.array(
+        [[-half_m, y_m, -half_m], [half_m, y_m, -half_m], [half_m, y_m, half_m], [-half_m, y_m, half_m]]
+    )
+    return TriangleMesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32))
+
+
+def joined(*meshes: TriangleMesh) -> TriangleMesh:
+    offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
+    faces = [mesh.faces + offset for mesh, offset in zip(meshes, offsets, strict=True)]
+    return TriangleMesh(np.concatenate([m.vertices for m in meshes]), np.concatenate(faces).astype(np.int32))
+
+
+@pytest.mark.parametrize("y_m", [-0.3, -0.02, 0.0])
+def test_house_comes_before_the_ground_around_it(box_room: BoxRoom, y_m: float) -> None:
+    house = box_room(width_m=6.0, depth_m=5.0)
+    mesh = joined(house, ground(40.0, y_m))
+    (storey,) = find_storeys(mesh)
+    assert storey.floor_y_m == pytest.approx(0.0, abs=0.03)
+    assert storey.navigable_area_m2 == pytest.approx(29.0, abs=2.0)
+    grid = TraversableGrid.from_mesh(mesh, storey.floor_y_m)
+    assert grid.component_at([0.0, 0.0]) == 1
+    assert grid.component_at([20.0, 0.0]) == (2 if y_m > -0.1 else 0)
+
+
+def test_sky_is_no_room(box_room: BoxRoom) -> None:
+    sky = box_room(width_m=60.0, depth_m=60.0, height_m=40.0)
+    lowered = TriangleMesh(sky.vertices - np.array([0.0, 15.0, 0.0]), sky.faces)
+    (storey,) = find_storeys(joined(box_room(), lowered))
+    assert (storey.floor_y_m, storey.ceiling_y_m) == (0.0, 2.5)
+
+
+def test_place_without_any_roof_is_played_where_it_is_largest(box_room: BoxRoom) -> None:
+    assert find_storeys(ground(10.0, 1.0))[0].navigable_area_m2 > 300.0
+    open_house = box_room(width_m=8.0, depth_m=8.0)
+    roofless = TriangleMesh(
+        open_house.vertices, open_house.faces[open_house.triangles[:, :, 1].min(axis=1) < 2.0]
+    )
+    (storey,) = find_storeys(roofless)
+    assert storey.ceiling_y_m is None
+    assert storey.navigable_area_m2 > 50.0
