@@ -5,7 +5,7 @@ are asked through `sdf`, `gradient` and `variability`.
 """
 
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from anm_gym.errors import MapError
-from anm_gym.geometry import CameraSpec, check_rigid
+from anm_gym.geometry import CameraSpec
 from anm_gym.map.cloud import SurfaceCloud
+from anm_gym.map.frame_input import checked_frame
 from anm_gym.map.frames import FrameStore
 from anm_gym.map.hybrid_field import make_field
 from anm_gym.map.keyframes import explained_share
@@ -25,36 +26,19 @@ from anm_gym.map.numerics import (
     usable_device,
     workers_flush_subnormals,
 )
-from anm_gym.map.occupancy import OccupancyGrid, check_level
+from anm_gym.map.occupancy import OccupancyGrid
 from anm_gym.map.perturbation import perturbations, variability
 from anm_gym.map.sampling import RayBatch, sample_rays
 from anm_gym.map.settings import MapSettings, VariabilitySettings
+from anm_gym.map.update import MapUpdate
 from anm_gym.map.volume import ObservedVolume
 from anm_gym.map.zero_crossings import EMPTY, Lattice, ZeroCrossings, zero_crossings_within
 from anm_gym.stopwatch import Stopwatch
 
 CLOUD_STRIDE_PX = 2
 CHUNK_POINTS = 16384
-INDOORS_M = 100.0
-"""Where most depths of an image are larger, it is not in metres."""
 POSTERIOR_SEED = 0
 """Seeds the draws of `NeuralMap.posterior_std`."""
-
-
-@dataclass(frozen=True)
-class MapUpdate:
-    """What one call of `NeuralMap.integrate` did."""
-
-    is_keyframe: bool
-    """Whether the frame before this one was kept for replay."""
-    iterations: int
-    """Optimiser steps taken."""
-    distance_loss: float
-    """Weighted mean distance term of the last iteration (Eq. 3)."""
-    eikonal_loss: float
-    """Weighted mean eikonal term of the last iteration (Eq. 3)."""
-    normal_loss: float
-    """Weighted mean normal term of the last iteration (Eq. 3)."""
 
 
 class NeuralMap:
@@ -138,15 +122,7 @@ class NeuralMap:
         Source:
             Active Neural Mapping, Sec. 4.1, Eq. 3.
         """
-        expected, depth_m = (self.camera.height_px, self.camera.width_px), np.asarray(depth_m)
-        if depth_m.shape not in (expected, (*expected, 1)):
-            raise ValueError(f"`depth_m` must have shape {expected}, got {depth_m.shape}")
-        if not np.issubdtype(depth_m.dtype, np.floating):
-            raise ValueError(f"`depth_m` must be floating point metres, got {depth_m.dtype}; convert it")
-        depth_m, world_from_camera = np.array(depth_m, np.float32), np.asarray(world_from_camera)
-        _check_metres(depth_m)
-        check_rigid(world_from_camera)
-        check_level(world_from_camera)
+        depth_m, world_from_camera = checked_frame(depth_m, world_from_camera, self.camera)
         with self.stopwatch("observe"):
             is_keyframe = self._admit(depth_m, world_from_camera)
             self._log(depth_m, world_from_camera)
@@ -166,7 +142,7 @@ class NeuralMap:
             self._weight_change = self._weights() - before
             if is_keyframe or self.num_frames == 1:
                 self._frozen.load_state_dict(self.field.state_dict())
-        return _summary(is_keyframe, done, terms)
+        return MapUpdate.of(is_keyframe, done, terms)
 
     def sdf(self, points: NDArray[np.floating]) -> NDArray[np.float32]:
         """Predict the signed distance of (N, 3) points, (N,) float32 metres, positive in free space."""
@@ -403,14 +379,6 @@ class NeuralMap:
         return torch.from_numpy(np.array(points, np.float32)).to(self.device)
 
 
-def _check_metres(depth_m: NDArray[np.float32]) -> None:
-    far = np.count_nonzero((depth_m > INDOORS_M) & (depth_m < np.inf))
-    if 2 * far > np.count_nonzero((depth_m > 0.0) & (depth_m < np.inf)):
-        raise ValueError(
-            f"`depth_m` must be in metres, got depths of more than {INDOORS_M:g}; are they millimetres?"
-        )
-
-
 def _part(state: dict[str, Tensor], name: str) -> dict[str, Tensor]:
     """The tensors of one part, without its name."""
     prefix = name + "."
@@ -419,11 +387,3 @@ def _part(state: dict[str, Tensor], name: str) -> dict[str, Tensor]:
 
 def _array(tensor: Tensor) -> NDArray[np.float32]:
     return np.asarray(tensor.detach().cpu().numpy(), np.float32)
-
-
-def _summary(is_keyframe: bool, iterations: int, terms: LossTerms | None) -> MapUpdate:
-    if terms is None:
-        return MapUpdate(is_keyframe, 0, 0.0, 0.0, 0.0)
-    return MapUpdate(
-        is_keyframe, iterations, terms.distance.item(), terms.eikonal.item(), terms.normal.item()
-    )

@@ -7,9 +7,10 @@ import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 
 from anm_gym.envs.mesh_env import Observation
-from anm_gym.map.neural_map import MapUpdate, NeuralMap
+from anm_gym.map.neural_map import NeuralMap
 from anm_gym.map.presets import map_settings
 from anm_gym.map.settings import MapSettings
+from anm_gym.map.update import MapUpdate
 from anm_gym.wrappers.needs import require_exploration
 
 
