@@ -56,8 +56,6 @@ def usable_device(name: str) -> torch.device:
         raise ValueError(
             f"`device` must be one that torch knows, such as 'cpu' or 'cuda', got {name!r}"
         ) from error
-    if device.type not in {"cpu", "cuda"}:
-        raise ValueError(f"`device` must be a CPU or a CUDA device, got {name!r}")
     if device.type == "cuda" and not torch.cuda.is_available():
         raise ValueError(f"`device` must be one of this machine's, got {name!r} without a CUDA device")
     if device.type == "cuda" and (device.index or 0) >= torch.cuda.device_count():

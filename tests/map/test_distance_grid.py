@@ -164,5 +164,5 @@ def test_change_before_loading_is_forgotten_after_it(fitted: DistanceGrid) -> No
 
 
 def test_lengths_must_be_positive() -> None:
-    with pytest.raises(ValueError, match="lengths and limits of a grid must be > 0"):
+    with pytest.raises(ValueError, match="`voxel_m` must be > 0, got 0"):
         GridSettings(voxel_m=0.0, band_m=1.0, noise_m=0.1, prior_std_m=0.1)
