@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 LARGEST_DEPTH_M = 10_000.0
 """No camera sees farther, metres: beyond, single precision no longer tells centimetres apart."""
 
-RIGID_TOLERANCE = 1e-3
+RIGID_TOLERANCE = 5e-3
 """How far the products of a rotation's axes may be from those of a true one."""
 
 

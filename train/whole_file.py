@@ -11,6 +11,10 @@ def write_whole(path: Path, text: str) -> None:
         path: The file; its folder must exist.
         text: Its content.
     """
+    path = path.resolve()
+    if path.exists() and not path.is_file():  # a terminal or a pipe
+        path.write_text(text, encoding="utf-8")
+        return
     partial = path.with_name(f"{path.name}.{os.getpid()}.partial")
     try:
         with partial.open("w", encoding="utf-8") as file:

@@ -6,6 +6,7 @@ are asked through `sdf`, `gradient` and `variability`.
 
 from copy import deepcopy
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import torch
@@ -91,6 +92,12 @@ class NeuralMap:
         self._frames_since_keyframe = 0
         self._weight_change = torch.zeros_like(self._weights())
         self._occupancy: OccupancyGrid | None = None
+
+    @torch.inference_mode(False)
+    def __deepcopy__(self, memo: dict[int, Any]) -> "NeuralMap":
+        memo[id(self)] = copied = self.__class__.__new__(self.__class__)
+        vars(copied).update({name: deepcopy(value, memo) for name, value in vars(self).items()})
+        return copied
 
     @property
     def occupancy(self) -> OccupancyGrid:
@@ -204,6 +211,7 @@ class NeuralMap:
             kept[kept] = self.posterior_std(surface.vertices[kept]) <= limit_m
         return surface.keep_vertices(kept, whole_faces=False)
 
+    @torch.inference_mode(False)
     def state(self) -> dict[str, Tensor]:
         """Tensors from which `load_state` restores the map, all but its occupancy grid."""
         parts = {

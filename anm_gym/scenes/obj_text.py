@@ -14,22 +14,26 @@ from numpy.typing import NDArray
 
 _KINDS: Final = ("v", "vt", "vn")
 """Keywords of positions, texture coordinates and normals, in the order in which a corner names them."""
-_NEEDS_CARE: Final = re.compile(rb"^[ \t]*f(?:(?:[ \t]+[^\s#\\]+){4,}|[^\n#]*(?:[ \t/]-\d|\\))", re.M)
+_NEEDS_CARE: Final = re.compile(rb"^[ \t]*f(?:(?:[ \t]+[^\s#\\]+){5,}|[^\n#]*(?:[ \t/]-\d|\\))", re.M)
 
 
 def needs_care(data: bytes) -> bool:
-    """Whether there are faces of more than three corners or with negative indices."""
+    """Whether there are faces of more than four corners, over several lines or with negative indices."""
     return _NEEDS_CARE.search(data) is not None
 
 
 def plain_obj(text: str) -> str:
-    """Rewrite the faces of an OBJ file as triangles with positive indices; all else stays.
+    """Rewrite the faces of an OBJ file with positive indices, and those of many corners as triangles.
 
     Args:
         text: The file's content.
 
     Returns:
-        The same surface: polygons are cut along their own shape, seen along the axis that they face most.
+        The same surface: polygons are cut along their own shape, seen along the axis that they face most; all
+        else stays.
+
+    Raises:
+        ValueError: If a negative index counts back beyond the beginning.
     """
     places: list[list[str]] = []
     counts = dict.fromkeys(_KINDS, 0)
@@ -53,13 +57,16 @@ def _absolute(corner: str, counts: dict[str, int]) -> str:
     indices = corner.split("/")
     for place, kind in enumerate(_KINDS[: len(indices)]):
         if indices[place].startswith("-"):
-            indices[place] = str(counts[kind] + 1 + int(indices[place]))
+            counted = counts[kind] + 1 + int(indices[place])
+            if counted < 1:
+                raise ValueError(f"the face corner {corner} counts back beyond the {counts[kind]} so far")
+            indices[place] = str(counted)
     return "/".join(indices)
 
 
 def _triangles(corners: list[str], places: list[list[str]]) -> Iterator[tuple[str, ...]]:
     """Cut a face; one whose corners are not known is left to the parser."""
-    if len(corners) <= 3:
+    if len(corners) <= 4:
         yield tuple(corners)
         return
     indices = [int(corner.split("/", 1)[0]) - 1 for corner in corners]

@@ -43,7 +43,12 @@ class Surroundings:
     @property
     def is_sheltered(self) -> bool:
         """Whether the place is indoors: mostly under a roof, or mostly between walls; a sky is neither."""
-        return self.is_roofed or self.walled_share >= 0.5
+        return self.is_roofed or self.is_walled
+
+    @property
+    def is_walled(self) -> bool:
+        """Whether the place is mostly between walls."""
+        return self.walled_share >= 0.5
 
     @property
     def is_roofed(self) -> bool:

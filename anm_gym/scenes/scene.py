@@ -15,6 +15,9 @@ from anm_gym.scenes.slab import slab_of
 SLAB_MARGIN_M = 0.3
 """How far a storey's mesh reaches at most under its floor and over its ceiling: a slab's thickness (ours)."""
 
+SHEET_M = 0.05
+"""How far it reaches at least, metres: a sheet is the ceiling of one storey and the floor of the next."""
+
 
 @dataclass(frozen=True)
 class Storey:
@@ -86,13 +89,15 @@ class Scene:
     @property
     def _bottom_cut_y_m(self) -> float:
         ceilings = [s.ceiling_y_m for s in self.storeys if s.ceiling_y_m is not None]
-        below_m = max((y_m for y_m in ceilings if y_m <= self.floor_y_m), default=-np.inf)
-        return max(self.floor_y_m - SLAB_MARGIN_M, (below_m + self.floor_y_m) / 2)
+        below_m = max((y_m for y_m in ceilings if y_m <= self.floor_y_m + SHEET_M), default=-np.inf)
+        middle_m = min((below_m + self.floor_y_m) / 2, self.floor_y_m - SHEET_M)
+        return max(self.floor_y_m - SLAB_MARGIN_M, middle_m)
 
     @property
     def _top_cut_y_m(self) -> float:
-        own_m = self.floor_y_m if self.ceiling_y_m is None else self.ceiling_y_m
-        above_m = min((s.floor_y_m for s in self.storeys if s.floor_y_m > own_m), default=np.inf)
         if self.ceiling_y_m is None:
-            return float(above_m - SLAB_MARGIN_M / 2)
-        return float(min(self.ceiling_y_m + SLAB_MARGIN_M, (self.ceiling_y_m + above_m) / 2))
+            floors = [s.floor_y_m for s in self.storeys if s.floor_y_m > self.floor_y_m]
+            return min(floors, default=np.inf) - SLAB_MARGIN_M / 2
+        floors = [s.floor_y_m for s in self.storeys if s.floor_y_m >= self.ceiling_y_m - SHEET_M]
+        middle_m = (self.ceiling_y_m + min(floors, default=np.inf)) / 2
+        return float(min(self.ceiling_y_m + SLAB_MARGIN_M, max(middle_m, self.ceiling_y_m + SHEET_M)))

@@ -150,14 +150,15 @@ def _is_roof(found: _Candidate, heights_m: NDArray[np.float64], areas_m2: NDArra
 def _merge_close(candidates: Sequence[_Candidate]) -> list[_Candidate]:
     """Keep the largest of each group of close floors; of nearly equal ones, the highest.
 
-    A floor under a roof comes before the ground around the house, however large that is. Both faces of a
+    A floor under a roof comes before open ground around the house, however large that is. Both faces of a
     thin slab hold the body, since it steps over 10 cm, but it stands on the upper.
     """
     kept: list[_Candidate] = []
     by_rank = sorted(candidates, key=lambda found: found.floor_y_m, reverse=True)
     while by_rank:
+        largest = max(by_rank, key=lambda found: found.area_m2)
         roofed = [f for f in by_rank if f.surroundings.is_roofed and f.area_m2 >= ROOFED_M2]
-        rivals = roofed or by_rank
+        rivals = by_rank if largest.surroundings.is_walled else roofed or by_rank
         largest_m2 = max(found.area_m2 for found in rivals)
         best = next(found for found in rivals if found.area_m2 >= 0.9 * largest_m2)
         kept.append(best)

@@ -65,8 +65,8 @@ class TraversableGrid:
     clearance_m: NDArray[np.float32]
     """(rows, columns) distance to the nearest cell that is occupied or has no floor, metres."""
     component: NDArray[np.int32]
-    """(rows, columns) label of the connected navigable part: 0 for none, 1 for the largest; parts under a
-    roof come before those in the open, so that 1 is the house and not the lawn."""
+    """(rows, columns) label of the connected navigable part: 0 for none, 1 for the largest; where that ends
+    at drops rather than walls, parts under a roof come first, so that 1 is the house and not the lawn."""
 
     @classmethod
     def from_mesh(
@@ -102,7 +102,7 @@ class TraversableGrid:
         clearance = (cell_m * ndimage.distance_transform_edt(padded)[1:-1, 1:-1]).astype(np.float32)
         component = _components(clearance > body.radius_m + CONTACT_M)
         large = np.bincount(component.ravel())[1:] * cell_m**2 >= ROOFED_M2
-        if large.sum() > 1:
+        if large.sum() > 1 and not _is_enclosed(component == 1, occupied, open_floor, body.radius_m / cell_m):
             roof = rasterise_slab(mesh.triangles, frame, top, floor_y_m + ROOF_M)
             component = _with_roofed_first(component, roof, large)
         return cls(frame, body, has_floor, occupied, clearance, component)
@@ -193,6 +193,15 @@ def _components(navigable: NDArray[np.bool_]) -> NDArray[np.int32]:
     rank = np.zeros(count + 1, np.int32)
     rank[np.argsort(-sizes, kind="stable") + 1] = np.arange(1, count + 1)
     return np.asarray(rank[labels], np.int32)
+
+
+def _is_enclosed(
+    part: NDArray[np.bool_], occupied: NDArray[np.bool_], open_floor: NDArray[np.bool_], radius_cells: float
+) -> bool:
+    """Whether a part of the floor ends at obstacles, as rooms do, rather than where the floor does."""
+    away_cells = ndimage.distance_transform_edt(~part)
+    rim = (away_cells <= radius_cells + 2.0) & ~open_floor
+    return bool(occupied[rim].mean() >= 0.5) if rim.any() else False
 
 
 def _with_roofed_first(

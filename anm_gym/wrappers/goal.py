@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import wraps
-from inspect import signature
+from inspect import Parameter, Signature, signature
 from typing import Any
 
 import gymnasium
@@ -107,6 +107,7 @@ class GoalWrapper(
         self.compute_ms = self.stopwatch.compute_ms
         self.rng: np.random.Generator = np.random.default_rng(seed)
         self.num_episodes: int = 0
+        self._is_parents_record: bool = False
         self._seed: int = seed
         self._has_neural_map: bool = env.has_wrapper_attr("neural_map")
         self._grid: OccupancyGrid | None = None
@@ -343,15 +344,35 @@ class GoalWrapper(
 
 
 def _recording(construct: Callable[..., None]) -> Callable[..., None]:
-    """Let a class's constructor record its arguments besides the environment, unless it does that itself."""
+    """Let a class's constructor record its arguments besides the environment, unless it does that itself.
+
+    What a parent's constructor has recorded does not say how to make the child, and is replaced.
+    """
     parameters = signature(construct)
 
     @wraps(construct)
     def recorded(self: GoalWrapper, *args: Any, **kwargs: Any) -> None:
+        had_recorded = "_saved_kwargs" in vars(self)
         construct(self, *args, **kwargs)
-        if type(self).__init__ is recorded and not hasattr(self, "_saved_kwargs"):
-            bound = parameters.bind(self, *args, **kwargs)
-            bound.apply_defaults()
-            RecordConstructorArgs.__init__(self, **dict(list(bound.arguments.items())[2:]))
+        is_recorded = "_saved_kwargs" in vars(self)
+        if type(self).__init__ is not recorded:
+            self._is_parents_record = is_recorded and not had_recorded
+        elif not is_recorded or vars(self).get("_is_parents_record"):
+            vars(self).pop("_saved_kwargs", None)
+            named = _named(parameters, self, *args, **kwargs)
+            RecordConstructorArgs.__init__(self, _disable_deepcopy=True, **named)
 
     return recorded
+
+
+def _named(parameters: Signature, *args: Any, **kwargs: Any) -> dict[str, Any]:
+    """The arguments of a wrapper's constructor by name, without the wrapper and its environment."""
+    bound = parameters.bind(*args, **kwargs)
+    bound.apply_defaults()
+    named = dict(bound.arguments)
+    named.pop(next(iter(named)))
+    named.pop("env" if "env" in named else next(iter(named)))
+    for name, parameter in parameters.parameters.items():
+        if parameter.kind is Parameter.VAR_KEYWORD:
+            named |= named.pop(name)
+    return named

@@ -1,4 +1,5 @@
 from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
@@ -236,6 +237,18 @@ def test_map_made_without_gradients_learns_on_with_them(tour) -> None:
         neural_map = NeuralMap(small(first_iterations=3, iterations=1), tour.camera)
         neural_map.integrate(tour.depths[0], tour.poses[0])
     assert neural_map.integrate(tour.depths[1], tour.poses[1]).iterations > 0
+
+
+def test_copies_and_states_made_without_gradients_learn_on(tour) -> None:
+    neural_map = NeuralMap(small(first_iterations=3, iterations=1), tour.camera)
+    neural_map.integrate(tour.depths[0], tour.poses[0])
+    other = NeuralMap(small(first_iterations=3, iterations=1), tour.camera)
+    with torch.inference_mode():
+        copied, state = deepcopy(neural_map), neural_map.state()
+    other.load_state(state)
+    assert copied.integrate(tour.depths[1], tour.poses[1]).iterations > 0
+    assert copied.num_frames == neural_map.num_frames + 1
+    assert np.isfinite(other.gradient(np.ones((1, 3)))).all()
 
 
 def test_torch_s_own_generator_is_left_alone(tour) -> None:

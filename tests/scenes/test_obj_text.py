@@ -67,12 +67,16 @@ def test_negative_indices_count_from_where_they_stand(tmp_path: Path) -> None:
 
 def test_text_is_rewritten_only_where_it_must_be() -> None:
     assert not needs_care(b"v 0 0 0\nf 1/1 2/2 3/3 # 4 - 5\n")
-    assert needs_care(b"f 1 2 3 4\n")
+    assert not needs_care(b"f 1 2 3 4\n")
+    assert needs_care(b"f 1 2 3 4 5\n")
     assert needs_care(b"f -1 -2 -3\n")
     assert needs_care(b"f 1/-1 2/-2 3/-3\n")
     assert needs_care(b"f 1 2 \\\n3 4 5\n")
-    assert plain_obj("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 \\\n3 4\n").count("f ") == 2
-    assert "f 1 2 9 4" in plain_obj("v 0 0 0\nf 1 2 9 4\n")  # the parser says what is wrong
+    corners = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0.5 0\n"
+    assert plain_obj(corners + "f 1 2 \\\n3 4 5\n").count("f ") == 3
+    assert "f 1 2 9 4 5" in plain_obj("v 0 0 0\nf 1 2 9 4 5\n")  # the parser says what is wrong
+    with pytest.raises(ValueError, match="-9 counts back beyond the 4 so far"):
+        plain_obj("v 0 0 0\n" * 4 + "f -9 -8 -7\n")
 
 
 @pytest.mark.parametrize("suffix", [".obj", ".stl", ".ply"])

@@ -65,6 +65,20 @@ def test_thin_slab_is_shared_between_the_storeys(box_room: BoxRoom) -> None:
     lower, upper = (Scene("pair", pair, s.floor_y_m, s.ceiling_y_m, storeys, "test") for s in storeys)
     np.testing.assert_allclose(lower.storey_mesh.bounds[:, 1], [0.0, 2.5])
     np.testing.assert_allclose(upper.storey_mesh.bounds[:, 1], [2.7, 5.2])
+    lower_walls_m2, both_levels_m2 = 4 * 4.0 * 2.5, 2 * 4.0 * 4.0
+    assert lower.storey_mesh.areas_m2.sum() == pytest.approx(lower_walls_m2 + both_levels_m2)
+
+
+@pytest.mark.parametrize("sheet_m", [2.6037, 2.4996, 2.7219])
+def test_single_sheet_is_ceiling_and_floor_at_once(box_room: BoxRoom, sheet_m: float) -> None:
+    room = box_room(height_m=sheet_m)
+    pair, rounded_m = stacked(room, sheet_m), round(sheet_m, 3)
+    storeys = (Storey(0, 0.0, rounded_m, 14.0), Storey(1, rounded_m, 2 * sheet_m, 14.0))
+    for storey in storeys:
+        cut = Scene("pair", pair, storey.floor_y_m, storey.ceiling_y_m, storeys, "test").storey_mesh
+        level_m = np.unique(cut.triangles[np.abs(cut.normals[:, 1]) > 0.9][:, :, 1])
+        assert sheet_m in level_m.round(6)
+        assert cut.bounds[1, 1] - cut.bounds[0, 1] < sheet_m + 0.11
 
 
 def test_floor_beside_a_storey_does_not_cut_it(box_room: BoxRoom) -> None:

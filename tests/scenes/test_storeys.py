@@ -44,6 +44,28 @@ def test_sky_is_no_room(box_room: BoxRoom) -> None:
     assert (storey.floor_y_m, storey.ceiling_y_m) == (0.0, 2.5)
 
 
+def moved(mesh: TriangleMesh, x_m: float, z_m: float) -> TriangleMesh:
+    return TriangleMesh(mesh.vertices + np.array([x_m, 0.0, z_m]), mesh.faces)
+
+
+def without_ceiling(mesh: TriangleMesh) -> TriangleMesh:
+    is_ceiling = mesh.triangles[:, :, 1].min(axis=1) >= mesh.bounds[1, 1] - 0.01
+    return TriangleMesh(mesh.vertices, mesh.faces[~is_ceiling])
+
+
+def test_roofed_cupboard_does_not_come_before_a_flat_without_a_ceiling(box_room: BoxRoom) -> None:
+    flat = without_ceiling(box_room(width_m=12.0, depth_m=12.0))
+    (storey,) = find_storeys(joined(flat, moved(box_room(width_m=3.6, depth_m=3.6), 4.0, 4.0)))
+    assert storey.navigable_area_m2 > 100.0
+
+
+def test_office_in_a_hall_does_not_come_before_the_hall(box_room: BoxRoom) -> None:
+    hall = box_room(width_m=30.0, depth_m=30.0, height_m=10.0)
+    storeys = find_storeys(joined(hall, moved(box_room(), 10.0, 10.0)))
+    assert storeys[0].floor_y_m == 0.0
+    assert storeys[0].navigable_area_m2 > 800.0
+
+
 def test_place_without_any_roof_is_played_where_it_is_largest(box_room: BoxRoom) -> None:
     assert find_storeys(ground(10.0, 1.0))[0].navigable_area_m2 > 300.0
     open_house = box_room(width_m=8.0, depth_m=8.0)

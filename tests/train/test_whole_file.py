@@ -37,3 +37,17 @@ def test_two_processes_do_not_share_what_is_being_written(tmp_path, monkeypatch)
     monkeypatch.setattr(os, "fsync", meanwhile)
     write_whole(path, "ours")
     assert path.read_text() == "ours"
+
+
+def test_link_stays_and_a_pipe_is_written_to(tmp_path):
+    real, link = tmp_path / "real.json", tmp_path / "link.json"
+    write_whole(real, "old")
+    link.symlink_to(real)
+    write_whole(link, "new")
+    assert link.is_symlink()
+    assert real.read_text() == "new"
+    os.mkfifo(tmp_path / "pipe")
+    reader = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
+    write_whole(tmp_path / "pipe", "table")
+    assert os.read(reader, 99) == b"table"
+    os.close(reader)

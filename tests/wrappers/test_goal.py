@@ -260,6 +260,13 @@ class FartherGoals(PlainGoals):
         super().__init__(env, 2.0 * metres)
 
 
+class BonusGoals(ScriptedGoals):  # type: ignore[misc]
+    """A child of a wrapper that records."""
+
+    def __init__(self, env: gymnasium.Env[Any, Any], *, bonus: float, **others: Any) -> None:
+        super().__init__(env, [])
+
+
 def test_wrapper_that_records_nothing_can_be_made_again_from_its_spec() -> None:
     bare = gymnasium.make(
         "anm_gym:ANM/Explore-v0", scene="home:studio:1", camera={"width_px": 16, "height_px": 16}
@@ -268,6 +275,8 @@ def test_wrapper_that_records_nothing_can_be_made_again_from_its_spec() -> None:
     assert plain.kwargs == {"arrival_m": 0.5, "seed": 0}
     (farther,) = FartherGoals(bare, 0.5).spec.additional_wrappers  # type: ignore[union-attr]
     assert farther.kwargs == {"metres": 0.5}
+    (child,) = BonusGoals(bare, bonus=5.0, review=None).spec.additional_wrappers  # type: ignore[union-attr]
+    assert child.kwargs == {"bonus": 5.0, "review": None}
     bare.close()
 
 

@@ -28,7 +28,8 @@ from train.tables.run import QUICK_SEEDS, TableRun, play_table
 
 DEFAULT_SEEDS: Final = 5
 """Starts per scene: a single one tells nothing of what luck does."""
-_ONLY_PLAYED: Final = ("root", "steps", "out", "env", "quick")
+DEFAULT_PROTOCOL: Final = "open-homes"
+_ONLY_PLAYED: Final = ("protocol", "root", "steps", "out", "env", "quick")
 """Options that say how to play, and so mean nothing for rows that are there."""
 
 
@@ -148,7 +149,7 @@ def _folder_of(options: Any, protocol: Protocol) -> Path:
 
 
 def _protocol_of(options: Any) -> Protocol:
-    protocol = open_protocol(options.protocol, options.root)
+    protocol = open_protocol(options.protocol or DEFAULT_PROTOCOL, options.root)
     if options.scenes:
         protocol = protocol.only(split_list(options.scenes))
     elif options.quick:
@@ -162,7 +163,12 @@ def _parser() -> ArgumentParser:
     add = parser.add_argument
     add("table", choices=list(TABLES), help="which table of the paper")
     add("--config", action="config", help="YAML file with any of these options")
-    add("--protocol", choices=PROTOCOLS, default="open-homes", help="scenes, budgets and starts")
+    add(
+        "--protocol",
+        choices=PROTOCOLS,
+        default=None,
+        help=f"scenes, budgets and starts; {DEFAULT_PROTOCOL} by default",
+    )
     add(
         "--root", default=None, help=f"folder of datasets (${ROOT_VARIABLE}), or of the meshes of open-scenes"
     )
