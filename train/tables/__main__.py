@@ -29,6 +29,7 @@ from train.tables.run import QUICK_SEEDS, TableRun, play_table
 DEFAULT_SEEDS: Final = 5
 """Starts per scene: a single one tells nothing of what luck does."""
 DEFAULT_PROTOCOL: Final = "open-homes"
+"""Protocol of a table where none is named."""
 _ONLY_PLAYED: Final = ("protocol", "root", "steps", "out", "env", "quick")
 """Options that say how to play, and so mean nothing for rows that are there."""
 
