@@ -54,7 +54,8 @@ def play_missing(
     if missing:
         hold_folder(out)
         versions()  # of the code as it is now: it may change while episodes are played
-    _point_out_earlier([row for row in rows if row_key(row) in {job.key for job in jobs}], len(jobs))
+    asked = {job.key for job in jobs}
+    _point_out_earlier([row for row in rows if row_key(row) in asked], len(jobs))
     bar = tqdm(total=len(jobs), initial=len(jobs) - len(missing), unit="episode", smoothing=0.1)
     with bar:
         for job, row in run_on(backend, play, missing):

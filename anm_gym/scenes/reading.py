@@ -149,21 +149,26 @@ def _parse(path: Path) -> trimesh.Scene:
 def _rewritten(path: Path) -> bytes | None:
     """A file's content where it cannot be parsed as it is: text in another code, faces of many corners."""
     suffix = path.suffix.lower()
-    if suffix in {".glb", ".gltf"}:
+    if suffix in {".glb", ".gltf"} or (suffix == ".stl" and not _is_text(path)):
         return None
+    if suffix == ".ply":
+        with path.open("rb") as file:
+            lines = list(itertools.takewhile(lambda line: line.strip() != b"end_header", file))
+        head = b"".join(lines)
+        text, is_latin = _decoded(head)
+        return text.encode() + path.read_bytes()[len(head) :] if is_latin else None
     data = path.read_bytes()
-    end = data.find(b"end_header") if suffix == ".ply" else len(data)
-    if suffix == ".stl" and not _is_text(data):
-        return None
-    text, changed = _decoded(data[:end])
+    text, is_latin = _decoded(data)
     if suffix == ".obj" and needs_care(data):
-        text, changed = plain_obj(text), True
-    return text.encode() + data[end:] if changed else None
+        return plain_obj(text).encode()
+    return text.encode() if is_latin else None
 
 
-def _is_text(data: bytes) -> bool:
-    """Whether STL data are text: those of binary files begin with 80 bytes and the number of triangles."""
-    return len(data) != 84 + 50 * int.from_bytes(data[80:84], "little")
+def _is_text(path: Path) -> bool:
+    """Whether an STL file is text: binary ones begin with 80 bytes and the number of triangles."""
+    with path.open("rb") as file:
+        head = file.read(84)
+    return path.stat().st_size != 84 + 50 * int.from_bytes(head[80:84], "little")
 
 
 def _decoded(data: bytes) -> tuple[str, bool]:

@@ -357,7 +357,7 @@ def _recording(construct: Callable[..., None]) -> Callable[..., None]:
         is_recorded = "_saved_kwargs" in vars(self)
         if type(self).__init__ is not recorded:
             self._is_parents_record = is_recorded and not had_recorded
-        elif not is_recorded or vars(self).get("_is_parents_record"):
+        elif not is_recorded or self._is_parents_record:
             vars(self).pop("_saved_kwargs", None)
             named = _named(parameters, self, *args, **kwargs)
             RecordConstructorArgs.__init__(self, _disable_deepcopy=True, **named)
