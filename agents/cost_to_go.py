@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
+from anm_gym.checks import check_at_least
 from anm_gym.map.occupancy import clearance_of
 from anm_gym.sim.geodesic import GridGraph, nearest_free_cell
 from anm_gym.sim.grid import GridFrame
@@ -33,6 +34,11 @@ class CostSettings:
     """Around the agent clearance is waived, metres: it may have to squeeze out."""
     margin_m: float = 2.5
     """The search covers agent and goal with this margin first, then the whole floor, metres."""
+
+    def __post_init__(self) -> None:
+        check_at_least(self, 0.0, "radius_m", "comfort_m", "tightness_cost", "escape_m", "margin_m")
+        if self.unknown_cost is not None:
+            check_at_least(self, 0.0, "unknown_cost")
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from agents.goal_wave import GoalWave, GoalWaveSettings, cell_centers, straight_distances, wave_seeds
 from agents.way_out import AHEAD_OFFSETS, WayOutSettings, distances_ahead, prices
 from anm_gym.actions import Action
-from anm_gym.checks import check_positive
+from anm_gym.checks import check_at_least, check_positive, check_share
 from anm_gym.geometry import CameraSpec
 
 FREE: Final = np.uint8(1)
@@ -69,7 +69,9 @@ class EgoMemorySettings:
                 f"`behind_share` must have one number for each of {len(self.cell_m)} maps, "
                 f"got {self.behind_share}"
             )
-        check_positive(self, "free_range_m", "ray_step_m")
+        check_positive(self, "free_range_m", "ray_step_m", "contact_m")
+        check_at_least(self, 1, "crop_cells", "grid_cells", "image_px")
+        check_share(self, "short_share")
         if not self.cell_m or not all(cell_m > 0.0 for cell_m in self.cell_m):
             raise ValueError(f"`cell_m` must have numbers > 0, got {self.cell_m}")
         reach = 2 * (int(np.abs(AHEAD_OFFSETS).max() / self.cell_m[0]) + 2)

@@ -12,6 +12,7 @@ from typing import Any, Final, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from anm_gym.checks import check_at_least, check_positive
 from anm_gym.geometry import forward_xz
 from anm_gym.map.grid_fusion import FloorPose, RunningAverageGrid, centred_frame, ego_frame, to_registered
 from anm_gym.sim.grid import GridFrame
@@ -44,11 +45,10 @@ class LayoutSettings:
     """Around each place where the agent has stood the floor counts as visited, metres."""
 
     def __post_init__(self) -> None:
-        if self.view_cells % 2 or min(self.view_cells, self.pool, self.patch_cells) < 1:
-            raise ValueError(
-                "`view_cells` must be even, `pool` and `patch_cells` >= 1, "
-                f"got {self.view_cells}, {self.pool} and {self.patch_cells}"
-            )
+        check_positive(self, "cell_m", "visited_m")
+        check_at_least(self, 1, "map_cells", "patch_cells", "view_cells", "pool")
+        if self.view_cells % 2:
+            raise ValueError(f"`view_cells` must be even, got {self.view_cells}")
 
     @property
     def num_goals(self) -> int:

@@ -1,7 +1,7 @@
 """The learned navigator in the seat under a goal wrapper, alone or with the planner behind it."""
 
 from dataclasses import dataclass
-from typing import Any, Final, final
+from typing import Any, Final, Literal, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from agents.planning_navigators import PlannerNavigator
 from agents.policy_file import load_policy, policy_identity
 from agents.rollouts import turn_towards
 from anm_gym.actions import MOVES, STRAIGHT_TURNS, Action
+from anm_gym.checks import check_at_least, check_choices
 from anm_gym.geometry import pointgoal
 from anm_gym.wrappers.goal import Goal, GoalWrapper
 
@@ -30,7 +31,7 @@ class LearnedSettings:
     """Forget the LSTM's state at a new goal (the released code never does)."""
     has_reflexes: bool = True
     """Whether moves that cannot help are left out; see `agents.reflexes`."""
-    stop: str = "go_on"
+    stop: Literal["go_on", "random"] = "go_on"
     """When the policy stops away from the goal: `go_on` takes its next choice, `random` moves at random,
     as the released code does."""
     patience_steps: int = 80
@@ -41,8 +42,9 @@ class LearnedSettings:
     """Whether the planner takes over where the policy is stuck."""
 
     def __post_init__(self) -> None:
-        if self.stop not in {"go_on", "random"}:
-            raise ValueError(f"`stop` must be one of go_on, random, got {self.stop!r}")
+        check_choices(self)
+        check_at_least(self, 1, "patience_steps")
+        check_at_least(self, 0.0, "progress_m")
 
 
 @final

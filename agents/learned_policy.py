@@ -1,16 +1,14 @@
 """A trained network at work: its recurrent state, and actions drawn from what it says."""
 
 from collections.abc import Sequence
-from typing import Any, Final, final
+from typing import Any, final
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from agents.draws import draws_of
 from agents.navigator_net import NavigatorNet
-
-_DRAWS: Final = 1
-"""Tells the draws of actions from others of the same seed."""
 
 
 @final
@@ -28,7 +26,7 @@ class LearnedPolicy:
         self, net: NavigatorNet, num_agents: int = 1, seed: int = 0, *, deterministic: bool = False
     ) -> None:
         self._net, self._deterministic = net, deterministic
-        self._rngs = [_draws_of(seed) for _ in range(num_agents)]
+        self._rngs = [draws_of(seed) for _ in range(num_agents)]
         self._state = net.first_state(num_agents)
         self._starts = np.ones(num_agents, np.float32)
 
@@ -41,7 +39,7 @@ class LearnedPolicy:
         """
         self._starts[index] = 1.0
         if seed is not None:
-            self._rngs[index] = _draws_of(seed)
+            self._rngs[index] = draws_of(seed)
 
     def keep(self, agents: Sequence[int]) -> None:
         """Go on with some of the agents only, in the order given."""
@@ -76,8 +74,3 @@ class LearnedPolicy:
         if not self._deterministic:
             scores = scores + np.stack([rng.gumbel(size=scores.shape[1]) for rng in self._rngs])
         return np.asarray(scores.argmax(axis=1), np.int64)
-
-
-def _draws_of(seed: int) -> np.random.Generator:
-    """The draws of an agent, which are not those of its environment under the same seed."""
-    return np.random.default_rng([_DRAWS, seed])

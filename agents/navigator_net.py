@@ -16,6 +16,7 @@ from agents.goal_wave import GoalWaveSettings
 from agents.resnet import BLOCKS, DepthResNet
 from agents.way_out import WayOutSettings
 from anm_gym.actions import Action
+from anm_gym.checks import check_at_least
 
 NUM_ACTIONS: Final = len(Action)
 NUM_PREVIOUS: Final = NUM_ACTIONS + 1
@@ -61,10 +62,7 @@ class NavigatorNetSettings:
             raise ValueError(f"`vision` must be one of small, {', '.join(BLOCKS)}, got {self.vision!r}")
         if self.uses_maps and self.memory.crop_cells < SMALLEST_CROP:
             raise ValueError(f"`crop_cells` must be >= {SMALLEST_CROP}, got {self.memory.crop_cells}")
-        if min(self.lstm_size, self.lstm_layers) < 1:
-            raise ValueError(
-                f"`lstm_size` and `lstm_layers` must be >= 1, got {self.lstm_size} and {self.lstm_layers}"
-            )
+        check_at_least(self, 1, "image_px", "lstm_size", "lstm_layers")
 
     @classmethod
     def read(cls, values: Mapping[str, Any]) -> "NavigatorNetSettings":

@@ -53,6 +53,7 @@ class NbvSettings:
         check_choices(self)
         check_at_least(self, 1, "num_places")
         check_at_least(self, 0.0, "fixed_cost_steps", "decay_per_m", "min_gain_m3")
+        check_at_least(self, 0.0, "keep_share", "failure_radius_m")
 
 
 PRESETS: Final = {
@@ -170,7 +171,7 @@ class NbvGoalWrapper(GoalWrapper):
         gains = self._views.gains(positions)
         gains[(gains < settings.min_gain_m3) | self._taken.among(positions, gains.shape[1])] = 0.0
         best, utilities = self._rank(positions, lengths_m, gains)
-        if best.gain <= 0.0:
+        if best.utility <= 0.0:
             self._view = None
             return None
         if current is not None:

@@ -13,6 +13,7 @@ from agents.layout_memory import LayoutMemory, points_to_world, start_poses
 from agents.occant_model import OccAntModel, OccAntSettings, load_model
 from agents.weights_identity import WeightsIdentity
 from anm_gym.actions import FORWARD_STEP_M, TURN_STEP_DEG
+from anm_gym.checks import check_at_least, check_positive
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.geometry import wrap_angle
 from anm_gym.map.projection import count_hits, project_depth, seen_masks
@@ -52,11 +53,9 @@ class OccAntGoalSettings:
     """Distance at which a goal is reached, metres."""
 
     def __post_init__(self) -> None:
-        if self.interval_steps < 1 or self.interval_m <= 0.0:
-            raise ValueError(
-                "`interval_steps` must be >= 1 and `interval_m` > 0, "
-                f"got {self.interval_steps} and {self.interval_m}"
-            )
+        check_at_least(self, 1, "interval_steps")
+        check_positive(self, "interval_m", "arrival_m")
+        check_at_least(self, 0.0, "blacklist_m")
 
 
 PRESETS: Final = {

@@ -14,6 +14,7 @@ from agents.layout_memory import LayoutSettings
 from agents.occupancy_net import PlainUnet, channels_last
 from agents.weights_file import WEIGHTS_FOLDER, WeightsFormat, prefixed, without_prefix
 from agents.weights_identity import WeightsIdentity, weights_digest
+from anm_gym.checks import check_at_least
 from anm_gym.map.projection import PRESETS, ProjectionSettings
 
 FORMAT: Final = WeightsFormat("anm_gym.occant.1", "model", hint="; train one with `python -m train.occant`")
@@ -42,10 +43,7 @@ class OccAntSettings:
     """A look is added after so many of the usual steps, 33 cm or 50 degrees: about a step of the paper."""
 
     def __post_init__(self) -> None:
-        if min(self.width, self.look_every_steps) < 1:
-            raise ValueError(
-                f"`width` and `look_every_steps` must be >= 1, got {self.width} and {self.look_every_steps}"
-            )
+        check_at_least(self, 1, "width", "look_every_steps")
 
     @classmethod
     def read(cls, plain: dict[str, Any]) -> "OccAntSettings":

@@ -9,15 +9,13 @@ import numpy as np
 from agents.cost_to_go import CostSettings, CostToGo, Floor, cost_to_go
 from agents.navigator import Navigator
 from agents.rollouts import RolloutSettings, best_move, turn_towards
-from anm_gym.actions import MOVES, STRAIGHT_TURNS, Action
+from anm_gym.actions import MOVES, STRAIGHT_TURNS, Action, least_move_m
+from anm_gym.checks import check_at_least
 from anm_gym.wrappers.goal import Goal, GoalWrapper
 
 MAX_REPORTS: Final = 2
 """Goals reported as unreachable before one action; then the move is random, as it is in the released
 code when the learned navigator stops."""
-
-STUCK_M: Final = 0.02
-"""A forward step that is shorter than this met an obstacle, metres."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +36,11 @@ class FollowSettings:
     """What counts as coming nearer, expected steps."""
     max_setbacks: int = 8
     """Times that a way may turn out much longer before the goal counts as unreachable."""
+
+    def __post_init__(self) -> None:
+        check_at_least(self, 1, "replan_steps", "patience_steps")
+        check_at_least(self, 0, "surprise_steps", "progress_steps", "max_setbacks")
+        check_at_least(self, 0.0, "goal_tolerance_m", "end_m")
 
 
 class PlanningNavigator(Navigator):
@@ -82,7 +85,7 @@ class PlanningNavigator(Navigator):
     def _feel(self) -> None:
         """Remember the headings in which the agent cannot move from where it stands."""
         moved_m = self._distance_m(self._last_xz)
-        if moved_m > STUCK_M:
+        if moved_m > least_move_m(self._rollouts.forward_step_m):
             self._blocked_rad, self._last_xz = [], self.env.position_xz
         elif self._last is Action.MOVE_FORWARD:
             self._blocked_rad.append(self.env.heading_rad)

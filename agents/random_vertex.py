@@ -7,6 +7,7 @@ import gymnasium
 import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 
+from anm_gym.checks import check_at_least
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.map.voronoi_graph import VoronoiSettings, voronoi_graph
 from anm_gym.wrappers.goal import Goal, GoalLimits, GoalWrapper
@@ -26,6 +27,9 @@ class RandomVertexSettings:
     """The graph whose vertices are drawn."""
     failure_radius_m: float = 0.5
     """Vertices this close to one that failed are not drawn, metres."""
+
+    def __post_init__(self) -> None:
+        check_at_least(self, 0.0, "failure_radius_m")
 
 
 @final

@@ -6,10 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.batching import actions_for
-from anm_gym.actions import FORWARD_STEP_M, MOVES, TURN_STEP_DEG, Action
+from agents.draws import draws_of
+from anm_gym.actions import FORWARD_STEP_M, MOVES, TURN_STEP_DEG, Action, least_move_m
 
-BLOCKED_M: Final = 0.02
-"""A forward step that is shorter than this met an obstacle, metres."""
 BUMP_TURN_DEG: Final = (30.0, 180.0)
 """Least and largest turn after a bump, degrees."""
 MAX_WALK_M: Final = 3.9
@@ -41,7 +40,7 @@ class RandomPolicy:
         if preset not in FORWARD_SHARES:
             known = ", ".join(sorted(FORWARD_SHARES))
             raise ValueError(f"unknown random preset {preset!r}; choose one of: {known}")
-        self._seed, self._rng = seed, np.random.default_rng(seed)
+        self._seed, self._rng = seed, draws_of(seed)
         self._is_uniform, share = preset == "uniform", FORWARD_SHARES[preset]
         self._chances = [share if move is Action.MOVE_FORWARD else 0.5 * (1.0 - share) for move in MOVES]
 
@@ -54,7 +53,7 @@ class RandomPolicy:
     ) -> tuple[NDArray[np.int64], Any]:
         """Choose an action; the signature is Stable-Baselines3's."""
         if episode_start is not None and np.any(episode_start):
-            self._rng = np.random.default_rng(self._seed)
+            self._rng = draws_of(self._seed)
         return actions_for(observation, MOVES[self._draw()]), state
 
     def _draw(self) -> int:
@@ -69,11 +68,17 @@ class BumpAndTurnPolicy:
 
     Args:
         seed: Seeds the angles; they start anew with each episode.
+        forward_step_m: Length of one step, metres.
         turn_step_deg: Angle of one turn, degrees.
     """
 
-    def __init__(self, seed: int = 0, turn_step_deg: float = TURN_STEP_DEG) -> None:
-        self._seed = seed
+    def __init__(
+        self,
+        seed: int = 0,
+        forward_step_m: float = FORWARD_STEP_M,
+        turn_step_deg: float = TURN_STEP_DEG,
+    ) -> None:
+        self._seed, self._least_m = seed, least_move_m(forward_step_m)
         self._turns = [max(1, round(angle / turn_step_deg)) for angle in BUMP_TURN_DEG]
         self._position: NDArray[np.float64] = np.zeros(2)
         self._walked = False
@@ -90,7 +95,7 @@ class BumpAndTurnPolicy:
         if episode_start is not None and np.any(episode_start):
             self._restart()
         position = np.asarray(observation["gps"], np.float64).reshape(2)
-        if self._walked and np.linalg.norm(position - self._position) < BLOCKED_M:
+        if self._walked and np.linalg.norm(position - self._position) < self._least_m:
             self._turns_left = int(self._rng.integers(self._turns[0], self._turns[1] + 1))
             self._turn = Action.TURN_LEFT if self._rng.random() < 0.5 else Action.TURN_RIGHT
         self._position, self._walked = position, self._turns_left == 0
@@ -100,7 +105,7 @@ class BumpAndTurnPolicy:
         return actions_for(observation, self._turn), state
 
     def _restart(self) -> None:
-        self._rng = np.random.default_rng(self._seed)
+        self._rng = draws_of(self._seed)
         self._turns_left, self._turn = 0, Action.TURN_LEFT
         self._walked = False
 
@@ -121,7 +126,7 @@ class SpinAndWalkPolicy:
         forward_step_m: float = FORWARD_STEP_M,
         turn_step_deg: float = TURN_STEP_DEG,
     ) -> None:
-        self._seed = seed
+        self._seed, self._least_m = seed, least_move_m(forward_step_m)
         self._full_turns = max(1, round(360.0 / turn_step_deg))
         self._max_walk = max(1, round(MAX_WALK_M / forward_step_m))
         self._position: NDArray[np.float64] = np.zeros(2)
@@ -140,7 +145,7 @@ class SpinAndWalkPolicy:
         if episode_start is not None and np.any(episode_start):
             self._restart()
         position = np.asarray(observation["gps"], np.float64).reshape(2)
-        is_blocked = self._walked and np.linalg.norm(position - self._position) < BLOCKED_M
+        is_blocked = self._walked and np.linalg.norm(position - self._position) < self._least_m
         if is_blocked or (self._turns_left == 0 and self._steps_left == 0):
             self._turns_left = self._full_turns + int(self._rng.integers(self._full_turns))
             self._steps_left = int(self._rng.integers(1, self._max_walk + 1))
@@ -152,6 +157,6 @@ class SpinAndWalkPolicy:
         return actions_for(observation, Action.TURN_LEFT), state
 
     def _restart(self) -> None:
-        self._rng = np.random.default_rng(self._seed)
+        self._rng = draws_of(self._seed)
         self._turns_left = self._steps_left = 0
         self._walked = False

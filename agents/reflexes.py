@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.patience import Patience
-from anm_gym.actions import Action
+from anm_gym.actions import STRAIGHT_TURNS, TURN_STEP_DEG, Action, least_move_m
 from anm_gym.geometry import heading_of, wrap_angle
 
 _FAR_M: Final = 1e9
@@ -23,16 +23,12 @@ _FAR_M: Final = 1e9
 NEAR_SHARE: Final = 0.75
 """Within this share of the distance of success an agent has arrived: the way is a little longer than the
 straight line, which is what it knows, but no wall fits between."""
-DEFAULT_TURN_RAD: Final = float(np.deg2rad(10.0))
+DEFAULT_TURN_RAD: Final = float(np.deg2rad(TURN_STEP_DEG))
 """Angle of a turn, radians."""
-MOVED_M: Final = 0.02
-"""An agent that moved farther is at another place, metres."""
-SAME_RAD: Final = float(np.deg2rad(5.1))
-"""Headings that differ less are the same, radians: half a turn."""
 SPOT_M: Final = 0.4
 """An agent that stays within this of a place is on one spot, metres."""
-MAX_TURNS: Final = 24
-"""Turns on one spot after which an agent is lost: two thirds of the way round, at 10 degrees a turn."""
+LOST_RAD: Final = float(np.deg2rad(240.0))
+"""An agent that has turned so far on one spot is lost, radians: two thirds of the way round."""
 AWAY_M: Final = 1.5
 """An agent that turns on one spot is led until it is so far from there, metres."""
 LINGER_STEPS: Final = 24
@@ -69,7 +65,10 @@ class Reflexes:
     ) -> None:
         self._turn_step_rad, self._success_m = turn_step_rad, success_m
         self._near_m = NEAR_SHARE * success_m
+        self._same_rad = STRAIGHT_TURNS * turn_step_rad
+        self._max_turns = max(2, round(LOST_RAD / turn_step_rad))
         steps_m = np.broadcast_to(np.asarray(forward_step_m), (num_agents,))
+        self._least_m = np.array([least_move_m(step_m) for step_m in steps_m.tolist()])
         self._stop_m = np.where(2.0 * steps_m < success_m, self._near_m, success_m)
         self._position_xz = np.full((num_agents, 2), _FAR_M)
         self._blocked_rad: list[list[float]] = [[] for _ in range(num_agents)]
@@ -88,7 +87,7 @@ class Reflexes:
     @property
     def _turns_about(self) -> NDArray[np.bool_]:
         """(N,) which agents have turned too often on one spot and are still near it."""
-        return np.asarray(self._turns >= MAX_TURNS)
+        return np.asarray(self._turns >= self._max_turns)
 
     def begin(self, index: int) -> None:
         """Forget where an agent was."""
@@ -107,7 +106,7 @@ class Reflexes:
         self._blocked_rad = [self._blocked_rad[agent] for agent in agents]
         self._turns, self._last_turn = self._turns[agents], self._last_turn[agents]
         self._led_steps, self._stop_m = self._led_steps[agents], self._stop_m[agents]
-        self._near_steps = self._near_steps[agents]
+        self._near_steps, self._least_m = self._near_steps[agents], self._least_m[agents]
         self._patience.keep(agents)
 
     def update(
@@ -126,7 +125,7 @@ class Reflexes:
         self._patience.update(distance_m)
         self._near_steps += distance_m < self._success_m
         position_xz = world_from_camera[:, [0, 2], 3].astype(np.float64)
-        moved = np.linalg.norm(position_xz - self._position_xz, axis=1) > MOVED_M
+        moved = np.linalg.norm(position_xz - self._position_xz, axis=1) > self._least_m
         for index in np.flatnonzero(moved):
             self._blocked_rad[index], self._position_xz[index] = [], position_xz[index]
         for index in np.flatnonzero(~moved & (previous == int(Action.MOVE_FORWARD))):
@@ -167,7 +166,7 @@ class Reflexes:
         allowed[:, int(Action.STOP)] = distance_m < stop_m
         for index, blocked in enumerate(self._blocked_rad):
             heading = heading_of(world_from_camera[index])
-            if _is_among(heading, blocked):
+            if _is_among(heading, blocked, self._same_rad):
                 allowed[index, int(Action.MOVE_FORWARD)] = False
         for index, distances_m in (ahead_m or {}).items():
             heading = heading_of(world_from_camera[index])
@@ -181,8 +180,8 @@ class Reflexes:
         return allowed
 
 
-def _is_among(heading_rad: float, others_rad: Sequence[float]) -> bool:
-    return any(abs(wrap_angle(heading_rad - other)) < SAME_RAD for other in others_rad)
+def _is_among(heading_rad: float, others_rad: Sequence[float], same_rad: float) -> bool:
+    return any(abs(wrap_angle(heading_rad - other)) < same_rad for other in others_rad)
 
 
 def _lead(
@@ -191,7 +190,8 @@ def _lead(
     """The move towards the heading in which the way is shortest, of those that are not blocked."""
     count = len(ahead_m)
     lefts_rad = [wrap_angle(2.0 * np.pi * index / count) for index in range(count)]
-    is_open = [not _is_among(heading_rad + left_rad, blocked_rad) for left_rad in lefts_rad]
+    same_rad = STRAIGHT_TURNS * turn_step_rad
+    is_open = [not _is_among(heading_rad + left_rad, blocked_rad, same_rad) for left_rad in lefts_rad]
     left_rad = lefts_rad[int(np.where(is_open, ahead_m, np.inf).argmin())]
     if is_open[0] and abs(left_rad) <= 0.5 * turn_step_rad + _ROUNDING_RAD:
         return Action.MOVE_FORWARD

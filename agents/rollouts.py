@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from agents.cost_to_go import CostSettings, CostToGo, Floor
 from anm_gym.actions import STRAIGHT_TURNS, Action
+from anm_gym.checks import check_at_least, check_positive
 from anm_gym.geometry import wrap_angle, wrap_angles
 
 
@@ -33,6 +34,11 @@ class RolloutSettings:
     """Nearer to the goal than this many steps the turns at the end count in proportion."""
     samples_per_step: int = 3
     """Points per forward step at which clearance is looked up."""
+
+    def __post_init__(self) -> None:
+        check_positive(self, "forward_step_m", "turn_step_rad")
+        check_at_least(self, 1, "max_steps", "samples_per_step")
+        check_at_least(self, 0.0, "loyalty_steps", "bend_slack", "bend_steps")
 
 
 @dataclass(frozen=True)

@@ -114,13 +114,13 @@ def _random(env: Env, preset: str, seed: int) -> tuple[Env, Any]:
 
 
 def _bump_and_turn(env: Env, _preset: str, seed: int) -> tuple[Env, Any]:
-    return env, BumpAndTurnPolicy(seed, _step_sizes(env)[1])
+    return env, BumpAndTurnPolicy(seed, *_step_sizes(env))
 
 
 def _step_sizes(env: Env) -> tuple[float, float]:
     """Length of a step, metres, and angle of a turn, degrees."""
-    simulator = env.get_wrapper_attr("simulator")
-    return float(simulator.forward_step_m), math.degrees(simulator.turn_step_rad)
+    forward_step_m, turn_step_rad = env.get_wrapper_attr("step_sizes")
+    return float(forward_step_m), math.degrees(turn_step_rad)
 
 
 def _fbe(env: Env, preset: str, seed: int) -> tuple[Env, Any]:

@@ -11,7 +11,9 @@ from anm_gym.sim.geodesic import GridGraph
 from anm_gym.sim.traversable import CONTACT_M, TraversableGrid
 
 COMFORT_M: Final = 0.3
-"""Clearance below which floor costs more, metres."""
+"""Clearance below which floor costs more, metres; for wide bodies `MARGIN_M` more than their radius."""
+MARGIN_M: Final = 0.1
+"""What is left beside a wide body where floor costs no more, metres."""
 TIGHTNESS: Final = 2.0
 """Added to the price of a metre where the body just fits."""
 LOOK_AHEAD_M: Final = 1.0
@@ -123,7 +125,8 @@ def _interpolate(
 
 def _price(clearance_m: NDArray[np.floating], radius_m: float) -> NDArray[np.float64]:
     """Price of a metre by its clearance."""
-    lack = np.clip((COMFORT_M - clearance_m) / (COMFORT_M - radius_m), 0.0, 1.0)
+    comfort_m = max(COMFORT_M, radius_m + MARGIN_M)
+    lack = np.clip((comfort_m - clearance_m) / (comfort_m - radius_m), 0.0, 1.0)
     return np.asarray(1.0 + TIGHTNESS * lack**2, np.float64)
 
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Final, final
+from typing import Any, Final, final
 
 import gymnasium
 import numpy as np
@@ -13,7 +13,7 @@ from scipy import ndimage
 from agents.upen_ensemble import Ensemble, load_ensemble
 from agents.upen_map import PredictedMap, UpenMapSettings
 from agents.upen_paths import PathSettings, candidates, node_scores
-from anm_gym.checks import check_at_least
+from anm_gym.checks import check_at_least, check_positive
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.map.grid_fusion import FloorPose
 from anm_gym.map.projection import OCCUPIED
@@ -49,6 +49,10 @@ class UpenSettings:
     def __post_init__(self) -> None:
         if self.replan_steps is None and self.replan_m is None:
             raise ValueError("`replan_steps` or `replan_m` must be given, got neither")
+        if self.replan_steps is not None:
+            check_at_least(self, 1, "replan_steps")
+        if self.replan_m is not None:
+            check_positive(self, "replan_m")
         check_at_least(self, 0.0, "clearance_m", "blacklist_m")
 
 
@@ -113,17 +117,21 @@ class UpenGoalWrapper(GoalWrapper):
         settings: UpenSettings | None = None,
         ensemble: Ensemble | None = None,
     ) -> None:
-        RecordConstructorArgs.__init__(self, preset=preset, seed=seed, settings=settings)
+        own: dict[str, Any] = {} if ensemble is None else {"ensemble": ensemble}
+        RecordConstructorArgs.__init__(self, preset=preset, seed=seed, settings=settings, **own)
         if preset not in PRESETS:
             raise ValueError(f"unknown UPEN preset {preset!r}; choose one of: {', '.join(sorted(PRESETS))}")
         self.settings = settings or PRESETS[preset]
         self._ensemble = ensemble or shipped_ensemble()
         self.predictor = self._ensemble.identity
+        self._map: PredictedMap | None = None
         super().__init__(env, limits=self.settings.limits, seed=seed)
 
     @property
     def predicted_map(self) -> PredictedMap:
         """What was seen and what is predicted, in the current episode."""
+        if self._map is None:
+            raise gymnasium.error.ResetNeeded("nothing has been predicted yet; call `reset` first")
         return self._map
 
     def _begin_episode(self) -> None:
@@ -134,7 +142,7 @@ class UpenGoalWrapper(GoalWrapper):
 
     def _see(self, observation: Observation) -> None:
         with self.stopwatch("predict"):
-            self._map.add(observation["depth"], self._pose)
+            self.predicted_map.add(observation["depth"], self._pose)
         self._walked_m += float(np.linalg.norm(self.position_xz - self._last_xz))
         self._last_xz = self.position_xz
         self._planned_steps += 1
@@ -153,7 +161,7 @@ class UpenGoalWrapper(GoalWrapper):
     def _best_goal(self) -> Goal | None:
         """The end of the best path of a new tree; None if no path qualifies."""
         self._walked_m, self._planned_steps = 0.0, 0
-        frame, settings = self._map.frame, self.settings
+        frame, settings = self.predicted_map.frame, self.settings
         start = ((self.position_xz - frame.origin_xz) / frame.cell_m)[::-1]
         if not frame.contains(start[None]).all():
             return None
@@ -163,13 +171,13 @@ class UpenGoalWrapper(GoalWrapper):
         ends = ends[~self.near_failure(places[ends], settings.blacklist_m)]
         if len(ends) == 0:
             return None
-        scores = node_scores(tree, self._map.members, settings.paths)
+        scores = node_scores(tree, self.predicted_map.members, settings.paths)
         return Goal(places[ends[scores[ends].argmax()]], None, REASON)
 
     def _blocked(self) -> NDArray[np.bool_]:
         """(rows, columns): the likeliest class is occupied, or that is too near; the unknown is not."""
-        occupied = np.asarray(self._map.mean.argmax(axis=0) == OCCUPIED)
+        occupied = np.asarray(self.predicted_map.mean.argmax(axis=0) == OCCUPIED)
         if self.settings.clearance_m == 0.0 or not occupied.any():
             return occupied
         distance = ndimage.distance_transform_edt(~occupied)
-        return np.asarray(distance * self._map.frame.cell_m <= self.settings.clearance_m)
+        return np.asarray(distance * self.predicted_map.frame.cell_m <= self.settings.clearance_m)

@@ -17,6 +17,7 @@ from torch import Tensor, nn
 from agents.occupancy_net import OCCUPANCY_NETS, channels_last, occupancy_net
 from agents.weights_file import WEIGHTS_FOLDER, WeightsFormat, prefixed, without_prefix
 from agents.weights_identity import WeightsIdentity, weights_digest
+from anm_gym.checks import check_at_least, check_positive
 from anm_gym.map.projection import NUM_CLASSES, OCCUPIED, PRESETS, ProjectionSettings
 
 FORMAT: Final = WeightsFormat(
@@ -50,12 +51,8 @@ class EnsembleSettings:
     def __post_init__(self) -> None:
         if self.net not in OCCUPANCY_NETS:
             raise ValueError(f"`net` must be one of {', '.join(sorted(OCCUPANCY_NETS))}, got {self.net!r}")
-        if min(self.width, self.members) < 1:
-            raise ValueError(f"`width` and `members` must be >= 1, got {self.width} and {self.members}")
-        if self.cell_m <= 0.0 or self.crop_cells < 1:
-            raise ValueError(
-                f"`cell_m` and `crop_cells` must be > 0, got {self.cell_m} and {self.crop_cells}"
-            )
+        check_at_least(self, 1, "width", "members", "crop_cells")
+        check_positive(self, "cell_m")
 
     @classmethod
     def read(cls, plain: dict[str, Any]) -> "EnsembleSettings":

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.upen_ensemble import Ensemble, EnsembleSettings
+from anm_gym.checks import check_at_least, check_positive, check_share
 from anm_gym.geometry import CameraSpec
 from anm_gym.map.grid_fusion import (
     BayesGrid,
@@ -36,10 +37,9 @@ class UpenMapSettings:
     """Least probability of a class; 0 in the paper's code, where cells become certain for good."""
 
     def __post_init__(self) -> None:
-        if self.map_m <= 0.0 or self.predict_steps < 1:
-            raise ValueError(
-                f"`map_m` must be > 0 and `predict_steps` >= 1, got {self.map_m} and {self.predict_steps}"
-            )
+        check_positive(self, "map_m")
+        check_at_least(self, 1, "predict_steps")
+        check_share(self, "floor")
 
 
 @final

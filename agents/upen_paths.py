@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.upen_ensemble import Score, doubt
+from anm_gym.checks import check_choices
 from anm_gym.sim.grid_planning import PathTree
 
 Scoring = Literal["paper", "repo"]
@@ -29,8 +30,7 @@ class PathSettings:
     """Most edges of a path; in the paper's code exactly 10."""
 
     def __post_init__(self) -> None:
-        if self.scoring not in {"paper", "repo"}:
-            raise ValueError(f"`scoring` must be paper or repo, got {self.scoring!r}")
+        check_choices(self)
         if not 1 <= self.min_depth <= self.max_depth:
             raise ValueError(
                 f"`min_depth` must be in [1, max_depth], got {self.min_depth} of {self.max_depth}"

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anm_gym.actions import FORWARD_STEP_M, TURN_STEP_DEG
+from anm_gym.checks import check_at_least
 from anm_gym.geometry import heading_towards, wrap_angle, wrap_angles
 from anm_gym.map.reach import ReachableSpace
 from anm_gym.map.unseen_volume import UnseenByCell
@@ -94,6 +95,9 @@ class LookSettings:
     """Count turns as the lengths that take as many steps."""
     turn_cost_m: float = float(FORWARD_STEP_M / np.deg2rad(TURN_STEP_DEG))
     """Length that takes as many steps as a turn of a radian, metres; the goal wrapper sets it."""
+
+    def __post_init__(self) -> None:
+        check_at_least(self, 0.0, "decay_per_m", "look_cost_m", "min_gain_m3", "turn_cost_m")
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,6 +8,7 @@ import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
+from anm_gym.checks import check_at_least, check_share
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.geometry import wrap_angle
 from anm_gym.map.neural_map import NeuralMap
@@ -43,6 +44,10 @@ class VoronoiGoalSettings:
     """Vertices this close and in line of sight are in the local horizon, metres (`by_classes`)."""
     deferred_m: float = 13.0
     """Vertices farther than this come last, metres: 200 steps (`by_classes`)."""
+
+    def __post_init__(self) -> None:
+        check_share(self, "anchor_share")
+        check_at_least(self, 0.0, "min_gain", "visited_m", "horizon_m", "deferred_m")
 
 
 PRESETS: Final = {
@@ -188,7 +193,7 @@ class VoronoiGoalWrapper(GoalWrapper):
             views.positions_xz, views.lengths_m, self.position_xz, self.heading_rad, planning.views
         )
         best, utilities = rank_views(views.positions_xz, views.gains, costs, planning.views)
-        if best.gain <= 0.0:
+        if best.utility <= 0.0:
             return None
         if current is not None and current.heading_rad is not None:
             sector = sector_of(current.heading_rad, utilities.shape[1])

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from agents.goal_wave import spread_wave
-from anm_gym.checks import check_positive
+from anm_gym.checks import check_at_least, check_positive
 
 NUM_HEADINGS: Final = 36
 """Headings in which an agent may be led: as far apart as a turn goes."""
@@ -43,6 +43,7 @@ class WayOutSettings:
     """Price beside occupied cells, which the body may touch."""
 
     def __post_init__(self) -> None:
+        check_at_least(self, 1, "window_cells")
         check_positive(self, "blocked_cost", "contact_cost", "beside_cost")
 
 

@@ -50,3 +50,11 @@ def check_positive(settings: Any, *names: str) -> None:
         value = getattr(settings, name)
         if not value > 0.0:
             raise ValueError(f"`{name}` must be > 0, got {value}")
+
+
+def check_share(settings: Any, *names: str) -> None:
+    """Refuse settings with a number outside of [0, 1]; see `check_at_least`."""
+    for name in names:
+        value = getattr(settings, name)
+        if not 0.0 <= value <= 1.0:
+            raise ValueError(f"`{name}` must be in [0, 1], got {value}")

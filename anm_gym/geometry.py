@@ -52,7 +52,7 @@ class CameraSpec:
                 raise TypeError(f"`{name}` must be a number, got {getattr(self, name)!r}")
         if self.width_px < 1 or self.height_px < 1:
             raise ValueError(
-                f"the image must have at least one pixel, got {self.width_px} x {self.height_px}"
+                f"`width_px` and `height_px` must be >= 1, got {self.width_px} x {self.height_px}"
             )
         if not 0.0 < self.hfov_deg < 180.0:
             raise ValueError(f"`hfov_deg` must be between 0 and 180, got {self.hfov_deg}")

@@ -116,7 +116,8 @@ def draw(rows: Sequence[Row], path: Path) -> Path:
             own = [row for row in rows if (row["preset"], row["trajectory"]) == (preset, walk)]
             x, y = (np.array([row[name] for row in own], np.float64) for name in ("step", key))
             curves[preset].append(Curve(x, y, walk))
-        plot_curves(axes, curves, float(steps), "steps", "error at the first room (cm)", first=index == 0)
+        label = "error at the first room (cm)"
+        plot_curves(axes, curves, float(steps), "steps", label, first=index == 0, y_max=np.inf)
         axes.set_title(title, fontsize=10)
     path.parent.mkdir(parents=True, exist_ok=True)
     result.savefig(path, dpi=150)

@@ -3,7 +3,7 @@ from typing import Literal
 
 import pytest
 
-from anm_gym.checks import check_at_least, check_choices, check_positive
+from anm_gym.checks import check_at_least, check_choices, check_positive, check_share
 
 Colour = Literal["red", "green"]
 
@@ -36,3 +36,10 @@ def test_numbers_that_are_not_positive_are_refused(litres: float) -> None:
 def test_numbers_below_the_bound_are_refused(coats: int) -> None:
     with pytest.raises(ValueError, match="`coats` must be >= 2, got"):
         check_at_least(Paint(coats=coats), 2, "coats")
+
+
+@pytest.mark.parametrize("litres", [-0.1, 1.1, float("nan")])
+def test_numbers_that_are_no_share_are_refused(litres: float) -> None:
+    check_share(Paint(litres=1.0), "litres")
+    with pytest.raises(ValueError, match=r"`litres` must be in \[0, 1\], got"):
+        check_share(Paint(litres=litres), "litres")

@@ -14,6 +14,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from anm_gym.actions import Action
+from anm_gym.checks import check_at_least
 from anm_gym.geometry import wrap_angles
 from train.results import Row
 from train.trajectory import Trajectory
@@ -58,6 +59,13 @@ class AttributionSettings:
     """Completion ratio that may still come after the last progress, percentage points."""
     arrival_slack_m: float = 0.1
     """Added to the distance at which the agent counts a goal as reached, metres."""
+
+    def __post_init__(self) -> None:
+        check_at_least(self, 1, "stuck_steps", "stuck_contacts", "loop_steps")
+        check_at_least(
+            self, 0.0, "stuck_m", "loop_end_m", "loop_away_m", "loop_end_rad", "loop_away_rad", "no_gain_m2"
+        )
+        check_at_least(self, 0.0, "last_gain_pct", "arrival_slack_m")
 
 
 @dataclass(frozen=True, eq=False)

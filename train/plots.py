@@ -1,4 +1,4 @@
-"""Curves over steps and metres, mean and confidence band per agent; the only user of matplotlib here."""
+"""Curves over steps and metres, mean and confidence band per agent, and the look of every figure."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -86,11 +86,22 @@ def plot_curves(
     x_label: str,
     y_label: str,
     first: bool = True,
+    y_max: float = 100.0,
 ) -> None:
-    """Draw one labelled line with its band per group into matplotlib axes."""
-    x = np.linspace(0.0, x_max, 201)
+    """Draw one labelled line with its band per group into matplotlib axes.
+
+    Args:
+        axes: The axes.
+        groups: By name, its curves; a line begins where all of its group do.
+        x_max: Right end of the axis, which begins at 0.
+        x_label: What is on it.
+        y_label: What is on the other.
+        first: Whether these are the leftmost axes, which alone are labelled on the left.
+        y_max: The y axis, which begins at 0 and fits the curves, reaches no higher.
+    """
     ends = []
     for index, (name, curves) in enumerate(groups.items()):
+        x = np.linspace(max(float(curve.x[0]) for curve in curves), x_max, 201)
         color = PALETTE[index % len(PALETTE)]
         band = mean_band(curves, x)
         if len(curves) >= MIN_BAND_CURVES:
@@ -99,7 +110,7 @@ def plot_curves(
         axes.plot(x, band.mean, color=color, linewidth=2.0, linestyle=dashes)
         ends.append((float(band.mean[-1]), sign + name, color))
     axes.set_xlim(0.0, x_max)
-    axes.set_ylim(0.0, min(1.05 * max([1.0, *(float(curve.y.max()) for curve in _all(groups))]), 100.0))
+    axes.set_ylim(0.0, min(1.05 * max([1.0, *(float(curve.y.max()) for curve in _all(groups))]), y_max))
     _label_ends(axes, ends, x_max)
     axes.set_xlabel(x_label)
     if first:

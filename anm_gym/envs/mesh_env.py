@@ -71,6 +71,11 @@ class MeshEnv(gymnasium.Env[Observation, np.int64], ABC):
         """The agent in its scene."""
         return self._simulator
 
+    @property
+    def step_sizes(self) -> tuple[float, float]:
+        """Length of the agent's forward step, metres, and angle of its turn, radians."""
+        return self._simulator.forward_step_m, self._simulator.turn_step_rad
+
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:

@@ -28,6 +28,7 @@ from anm_gym.map.numerics import (
     workers_flush_subnormals,
 )
 from anm_gym.map.occupancy import OccupancyGrid
+from anm_gym.map.optimizer_state import load_moments, moments
 from anm_gym.map.perturbation import perturbations, variability
 from anm_gym.map.sampling import RayBatch, sample_rays
 from anm_gym.map.settings import MapSettings, VariabilitySettings
@@ -213,36 +214,38 @@ class NeuralMap:
 
     @torch.inference_mode(False)
     def state(self) -> dict[str, Tensor]:
-        """Tensors from which `load_state` restores the map, all but its occupancy grid."""
+        """Copies of the tensors from which `load_state` restores the map, all but its occupancy grid."""
         parts = {
             "field": self.field.state_dict(),
             "frozen": self._frozen.state_dict(),
             "frames": self.frames.state(),
-            "optimizer": self._moments(),
+            "optimizer": moments(self._optimizer, self.field.network),
         }
         flat = {f"{part}.{name}": tensor for part, state in parts.items() for name, tensor in state.items()}
         counts = [self.num_frames, self.num_keyframes, self._frames_since_keyframe]
-        return flat | {
-            "cloud": torch.from_numpy(self.cloud.points.copy()),
-            "volume.states": torch.from_numpy(self.volume.states.copy()),
-            "volume.low_index": torch.from_numpy(self.volume.low_index.copy()),
-            "weight_change": self._weight_change.clone(),
+        others = {
+            "cloud": torch.from_numpy(self.cloud.points),
+            "volume.states": torch.from_numpy(self.volume.states),
+            "volume.low_index": torch.from_numpy(self.volume.low_index),
+            "weight_change": self._weight_change,
             "generator": self._generator.get_state(),
             "counts": torch.tensor(counts),
         }
+        return _copies(flat | others)
 
     @torch.inference_mode(False)
     def load_state(self, state: dict[str, Tensor]) -> None:
-        """Restore what `state` returned.
+        """Restore what `state` returned; the occupancy grid begins anew with the next frame.
 
         Raises:
             KeyError: If a tensor is missing.
             RuntimeError: If a tensor has another shape.
         """
+        state = _copies(state)
         self.field.load_state_dict(_part(state, "field"))
         self._frozen.load_state_dict(_part(state, "frozen"))
         self.frames.load_state(_part(state, "frames"))
-        self._load_moments(_part(state, "optimizer"))
+        load_moments(self._optimizer, self.field.network, _part(state, "optimizer"))
         self.cloud.restore(state["cloud"].cpu().numpy())
         self.volume.states = state["volume.states"].cpu().numpy()
         self.volume.low_index = state["volume.low_index"].cpu().numpy()
@@ -251,6 +254,7 @@ class NeuralMap:
         if len(saved) == len(self._generator.get_state()):  # another kind of device has another generator
             self._generator.set_state(saved)
         self.num_frames, self.num_keyframes, self._frames_since_keyframe = state["counts"].tolist()
+        self._occupancy = None
 
     def _variability(
         self, points: NDArray[np.floating], settings: VariabilitySettings, generator: torch.Generator
@@ -258,21 +262,6 @@ class NeuralMap:
         evidence = self._evidence(settings.evidence_points, generator)
         draws = perturbations(self.field, settings, self._weight_change, evidence, generator)
         return _array(variability(self.field, self._tensor(points), draws, settings, self._weight_change))
-
-    def _moments(self) -> dict[str, Tensor]:
-        """Adam's moments by parameter, empty before the first iteration."""
-        named = dict(self.field.network.named_parameters())
-        return {
-            f"{name}:{key}": value
-            for name, parameter in named.items()
-            for key, value in self._optimizer.state.get(parameter, {}).items()
-        }
-
-    def _load_moments(self, moments: dict[str, Tensor]) -> None:
-        named = dict(self.field.network.named_parameters())
-        for label, value in moments.items():
-            name, key = label.rsplit(":", 1)
-            self._optimizer.state[named[name]][key] = value
 
     def _admit(self, depth_m: NDArray[np.float32], world_from_camera: NDArray[np.floating]) -> bool:
         """Store the frame; it replaces the last one unless that one has become a keyframe."""
@@ -391,6 +380,11 @@ def _part(state: dict[str, Tensor], name: str) -> dict[str, Tensor]:
     """The tensors of one part, without its name."""
     prefix = name + "."
     return {key.removeprefix(prefix): tensor for key, tensor in state.items() if key.startswith(prefix)}
+
+
+def _copies(state: dict[str, Tensor]) -> dict[str, Tensor]:
+    """The same tensors, sharing no memory."""
+    return {name: tensor.detach().clone() for name, tensor in state.items()}
 
 
 def _array(tensor: Tensor) -> NDArray[np.float32]:

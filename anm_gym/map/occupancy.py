@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
-from anm_gym.checks import check_positive
+from anm_gym.checks import check_at_least, check_positive
 from anm_gym.geometry import CameraSpec, forward_xz, heading_of
 from anm_gym.sim.grid import GridFrame
 
@@ -51,6 +51,8 @@ class OccupancySettings:
 
     def __post_init__(self) -> None:
         check_positive(self, "cell_m", "max_range_m")
+        check_at_least(self, 0.0, "body_radius_m", "carve_height_m", "hole_depth_m", "hole_range_m")
+        check_at_least(self, 1, "hit_weight")
         if not 0.0 < self.obstacle_min_m < self.body_height_m:
             raise ValueError(
                 "`obstacle_min_m` must be in (0, body_height_m), "

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from anm_gym.checks import check_choices
+from anm_gym.checks import check_at_least, check_choices
 from anm_gym.geometry import CameraSpec
 from anm_gym.map.occupancy import check_level
 from anm_gym.sim.grid import GridFrame
@@ -66,10 +66,8 @@ class ProjectionSettings:
                 "`obstacle_min_m` must be in (0, obstacle_max_m), "
                 f"got {self.obstacle_min_m} of {self.obstacle_max_m}"
             )
-        if min(self.min_points, self.pixels_used) < 1:
-            raise ValueError(
-                f"`min_points` and `pixels_used` must be >= 1, got {self.min_points} and {self.pixels_used}"
-            )
+        check_at_least(self, 0, "obstacle_growths", "free_growths")
+        check_at_least(self, 1, "min_points", "pixels_used")
 
 
 PRESETS: Final = {

@@ -77,8 +77,7 @@ class FieldSettings:
             raise ValueError(f"`dropout` must be in [0, 1), got {self.dropout}")
         if self.hidden_layers < 4 or self.hidden_layers % 2:
             raise ValueError(f"`hidden_layers` must be an even number >= 4, got {self.hidden_layers}")
-        if self.width < 1 or self.octaves < 1:
-            raise ValueError(f"`width` and `octaves` must be >= 1, got {self.width} and {self.octaves}")
+        check_at_least(self, 1, "width", "octaves")
 
 
 @dataclass(frozen=True)
@@ -117,12 +116,9 @@ class SamplingSettings:
 
     def __post_init__(self) -> None:
         check_choices(self)
-        if self.window_frames < 3:
-            raise ValueError(f"`window_frames` must be >= 3, got {self.window_frames}")
-        if self.rays_per_frame < 1 or self.stratified < 0 or self.near_surface < 1:
-            raise ValueError("`rays_per_frame` and `near_surface` must be >= 1, `stratified` >= 0")
-        check_at_least(self, 0, "fill_in_rays")
-        check_at_least(self, 1, "fill_in_candidates")
+        check_at_least(self, 3, "window_frames")
+        check_at_least(self, 1, "rays_per_frame", "near_surface", "fill_in_candidates")
+        check_at_least(self, 0, "stratified", "fill_in_rays")
         check_at_least(self, 0.0, "near_surface_std_m", "behind_m")
         if not 0.0 <= self.min_depth_m < self.max_depth_m:
             raise ValueError(
@@ -174,7 +170,8 @@ class LossSettings:
     def __post_init__(self) -> None:
         check_choices(self)
         check_positive(self, "truncation_m")
-        check_at_least(self, 0.0, "truncated_weight", "free_space_decay", "eikonal_weight", "normal_weight")
+        check_at_least(self, 0.0, "truncated_weight", "free_space_decay", "normal_weight")
+        check_at_least(self, 0.0, "eikonal_weight", "eikonal_min_m")
         if not 0.0 < self.gradient_share <= 1.0:
             raise ValueError(f"`gradient_share` must be in (0, 1], got {self.gradient_share}")
         if not 0.0 < self.network_share <= 1.0:

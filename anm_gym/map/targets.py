@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from anm_gym.checks import check_at_least, check_choices, check_positive
+from anm_gym.checks import check_at_least, check_choices, check_positive, check_share
 from anm_gym.map.neural_map import NeuralMap
 from anm_gym.map.zero_crossings import EMPTY, Lattice, ZeroCrossings, extract_zero_crossings
 
@@ -54,9 +54,9 @@ class TargetSettings:
     def __post_init__(self) -> None:
         check_choices(self)
         check_at_least(self, 2, "resolution")
-        check_positive(self, "crop_m", "keep_share", "offset_m")
-        if self.keep_share > 1.0:
-            raise ValueError(f"`keep_share` must be at most 1, got {self.keep_share}")
+        check_positive(self, "crop_m", "ceiling_m", "keep_share", "offset_m")
+        check_share(self, "keep_share", "min_cluster_share")
+        check_at_least(self, 0.0, "min_distance_m", "clear_height_m")
 
 
 @dataclass(frozen=True)

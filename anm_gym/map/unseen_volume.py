@@ -109,6 +109,9 @@ def unseen_by_cell(
     Returns:
         The shares of each view.
     """
+    if len(centers) == 0:
+        nothing = np.zeros((0, settings.num_headings, 0), np.float32)
+        return UnseenByCell(np.zeros(0), nothing, nothing)
     box = _Box(volume, centers, floor_y_m, settings)
     samples = _cast(box, centers, camera, settings)
     edge = max(1, round(cell_m * float(box.per_m)))

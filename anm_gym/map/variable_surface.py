@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from anm_gym.checks import check_at_least
+from anm_gym.checks import check_at_least, check_share
 from anm_gym.map.neural_map import NeuralMap
 from anm_gym.map.volume import FREE, OCCUPIED, UNKNOWN, ObservedVolume
 from anm_gym.map.zero_crossings import Lattice, zero_crossings_within
@@ -45,14 +45,9 @@ class SurfaceSettings:
     """Observed points from which that quantile is taken."""
 
     def __post_init__(self) -> None:
-        if self.block_voxels < 1 or self.margin_m < 0.0:
-            raise ValueError(
-                "`block_voxels` must be >= 1 and `margin_m` >= 0, "
-                f"got {self.block_voxels} and {self.margin_m}"
-            )
-        check_at_least(self, 1, "reference_points")
-        if not 0.0 <= self.reference_quantile <= 1.0:
-            raise ValueError(f"`reference_quantile` must be in [0, 1], got {self.reference_quantile}")
+        check_at_least(self, 1, "block_voxels", "reference_points")
+        check_at_least(self, 0.0, "margin_m", "seen_m", "frontier_share", "frontier_gap_m", "doubt_m")
+        check_share(self, "reference_quantile")
 
 
 @dataclass(frozen=True)

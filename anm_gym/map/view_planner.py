@@ -66,7 +66,8 @@ class PlannerSettings:
 
     def __post_init__(self) -> None:
         check_positive(self, "place_spacing_m")
-        check_at_least(self, 0.0, "unseen_worth", "failure_radius_m", "taken_radius_m", "taken_angle_deg")
+        check_at_least(self, 0.0, "unseen_worth", "keep_share")
+        check_at_least(self, 0.0, "failure_radius_m", "taken_radius_m", "taken_angle_deg")
 
     def for_steps(self, forward_step_m: float, turn_step_rad: float) -> "PlannerSettings":
         """The same for an agent with other steps."""
@@ -133,7 +134,7 @@ class ViewPlanner:
         gains[self.taken.among(positions, gains.shape[1])] = 0.0
         costs = view_costs(positions, distances, position_xz, heading_rad, self.settings.views)
         best, utilities = rank_views(positions, gains, costs, self.settings.views)
-        if best.gain <= 0.0:
+        if best.utility <= 0.0:
             return None
         if current is not None and self._still_serves(current, utilities, best):
             return current

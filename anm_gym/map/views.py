@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from anm_gym.actions import FORWARD_STEP_M, TURN_STEP_DEG
 from anm_gym.checks import check_at_least, check_positive
 from anm_gym.geometry import CameraSpec, camera_pose, wrap_angle, wrap_angles
-from anm_gym.map.volume import ObservedVolume
+from anm_gym.map.volume import BLOCKED, ObservedVolume
 
 
 @dataclass(frozen=True)
@@ -47,6 +47,12 @@ class ViewSettings:
             self, "max_range_m", "ray_step_m", "unknown_decay_m", "forward_step_m", "turn_step_rad"
         )
         check_at_least(self, 1, "max_points", "max_places", "num_headings")
+        check_at_least(self, 0.0, "min_range_m", "surface_slack_m", "fixed_cost_steps")
+        if not self.max_range_m / self.ray_step_m < BLOCKED - 1:
+            raise ValueError(
+                f"`ray_step_m` must be more than `max_range_m` / {BLOCKED - 1}, got {self.ray_step_m} "
+                f"of {self.max_range_m}"
+            )
 
 
 @dataclass(frozen=True)
@@ -228,8 +234,14 @@ def rank_views(
 ) -> tuple[View, NDArray[np.float64]]:
     """Choose the view with the highest gain per step.
 
+    Args:
+        positions_xz: (P, 2) floor points, metres.
+        gains: (P, H) what each view is worth, at least 0; heading h is ``2 pi h / H`` radians.
+        costs: (P, H) steps to each; infinite where there is no way.
+        settings: The fixed cost.
+
     Returns:
-        The view, and the (P, H) utilities of all.
+        The view, whose utility is 0 if none that can be reached has a gain, and the (P, H) utilities of all.
     """
     utilities = gains / (costs + settings.fixed_cost_steps)
     place, heading = np.unravel_index(int(utilities.argmax()), utilities.shape)

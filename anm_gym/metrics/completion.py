@@ -92,11 +92,15 @@ class CompletionMeter:
             threshold_m: Distance below which a sample is completed, metres.
 
         Raises:
-            ValueError: If `visible` is longer than the sample set.
+            ValueError: If `visible` is of another sample set: longer than this one, or shorter where this one
+                has not the default size, as sets of another size are drawn anew.
         """
-        if visible is not None and len(visible) > num_samples:
+        if visible is not None and (
+            len(visible) > num_samples or (num_samples != NUM_SAMPLES and len(visible) < num_samples)
+        ):
+            at_most = "at most " if num_samples == NUM_SAMPLES else ""
             raise ValueError(
-                f"`visible` must have at most {num_samples} entries, one per sample, got {len(visible)}"
+                f"`visible` must have {at_most}{num_samples} entries, one per sample, got {len(visible)}"
             )
         self.samples = completion_samples(mesh, num_samples)
         self._visible = visible

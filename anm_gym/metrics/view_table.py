@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from anm_gym.checks import check_at_least, check_positive
 from anm_gym.geometry import CameraSpec, camera_pose
 from anm_gym.mesh import TriangleMesh
 from anm_gym.metrics.completion import THRESHOLD_M
@@ -33,8 +34,8 @@ class ViewTableSettings:
     """Limit of memory: on a larger floor the positions are spaced wider."""
 
     def __post_init__(self) -> None:
-        if min(self.num_samples, self.num_headings, self.max_positions) < 1 or not self.spacing_m > 0.0:
-            raise ValueError(f"every setting of the view table must be > 0, got {self}")
+        check_at_least(self, 1, "num_samples", "num_headings", "max_positions")
+        check_positive(self, "spacing_m")
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ import gymnasium
 import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 
+from anm_gym.checks import check_at_least
 from anm_gym.envs.explore import ExploreEnv
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.wrappers.occupancy import has_occupancy
@@ -24,6 +25,9 @@ class CoverageWeights:
     """Taken off for a step that ends at contact."""
     slack: float = 0.01
     """Taken off for every step."""
+
+    def __post_init__(self) -> None:
+        check_at_least(self, 0.0, "floor", "known", "collision", "slack")
 
 
 @final

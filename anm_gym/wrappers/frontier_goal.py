@@ -8,7 +8,7 @@ import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
-from anm_gym.checks import check_choices
+from anm_gym.checks import check_at_least, check_choices, check_positive
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.geometry import heading_towards, wrap_angle
 from anm_gym.map.frontier import Frontier, find_frontiers
@@ -48,6 +48,8 @@ class FrontierSettings:
 
     def __post_init__(self) -> None:
         check_choices(self)
+        check_at_least(self, 0.0, "min_size_m", "min_distance_m", "blacklist_m", "switch_share")
+        check_positive(self, "max_size_m")
         if self.map_source == "predicted" and self.only_reachable:
             raise ValueError("`only_reachable` must be False with `map_source` predicted, got True")
 
@@ -130,7 +132,8 @@ class FrontierGoalWrapper(GoalWrapper):
         settings: FrontierSettings | None = None,
         source: FloorSource | None = None,
     ) -> None:
-        RecordConstructorArgs.__init__(self, preset=preset, seed=seed, settings=settings)
+        own: dict[str, Any] = {} if source is None else {"source": source}
+        RecordConstructorArgs.__init__(self, preset=preset, seed=seed, settings=settings, **own)
         if preset not in PRESETS:
             raise ValueError(
                 f"unknown frontier preset {preset!r}; choose one of: {', '.join(sorted(PRESETS))}"

@@ -24,7 +24,7 @@ from anm_gym.geometry import heading_of, pointgoal, wrap_angle
 from anm_gym.map.occupancy import OccupancyGrid
 from anm_gym.map.reach import ReachSettings, reachable_space
 from anm_gym.stopwatch import Stopwatch
-from anm_gym.wrappers.needs import require_exploration
+from anm_gym.wrappers.needs import require_exploration, require_steps
 
 SWEEP_REASON = "sweep"
 """Reason of the goals of a turn once round."""
@@ -80,7 +80,8 @@ class GoalWrapper(
     Adds `goal_distance_m` (float), `goals_count` (int) and `handovers_count` (int).
 
     ## Needs
-    Observations of `ANM/Explore-v0`. Uses the occupancy grid of a neural map below it, or keeps its own.
+    Observations of `ANM/Explore-v0`, its `camera` and its `step_sizes`; `collided` in `info` is used where it
+    is there. Uses the occupancy grid of a neural map below it, or keeps its own.
 
     ## Version history
     - v0: first version.
@@ -95,6 +96,7 @@ class GoalWrapper(
     def __init__(self, env: gymnasium.Env[Observation, np.int64], *, limits: GoalLimits, seed: int) -> None:
         gymnasium.Wrapper.__init__(self, env)
         require_exploration(env)
+        require_steps(env)
         goal_space = spaces.Box(
             np.array([0.0, -np.pi], np.float32), np.array([np.finfo(np.float32).max, np.pi], np.float32)
         )
@@ -158,10 +160,11 @@ class GoalWrapper(
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode and propose the first goal."""
+        """Begin an episode and propose the first goal; without a seed, draws go on from the last episode."""
         observation, info = self.env.reset(seed=seed, options=options)
         self.num_episodes += 1
-        self.rng = np.random.default_rng(self._seed if seed is None else [self._seed, seed])
+        if seed is not None:
+            self.rng = np.random.default_rng([self._seed, seed])
         self.stopwatch.reset()
         self._grid, self._goal = None, None
         self._sweep_rad, self._trail_xz = [], []
@@ -211,7 +214,7 @@ class GoalWrapper(
             (N,) bool.
         """
         places = np.asarray(places_xz, np.float64).reshape(-1, 1, 2)
-        failures = self.failures if latest is None else self.failures[-latest:]
+        failures = self.failures if latest is None else self.failures[::-1][:latest]
         failed = np.array([goal.position_xz for goal in failures]).reshape(-1, 2)
         return np.asarray((np.linalg.norm(places - failed, axis=2) < radius_m).any(axis=1))
 
@@ -244,8 +247,8 @@ class GoalWrapper(
     @property
     def step_sizes(self) -> tuple[float, float]:
         """Length of the agent's forward step, metres, and angle of its turn, radians."""
-        simulator = self.get_wrapper_attr("simulator")
-        return simulator.forward_step_m, simulator.turn_step_rad
+        forward_step_m, turn_step_rad = self.env.get_wrapper_attr("step_sizes")
+        return float(forward_step_m), float(turn_step_rad)
 
     @property
     def turn_cost_m(self) -> float:
@@ -299,7 +302,7 @@ class GoalWrapper(
                 if self._grid is None:
                     self._grid = OccupancyGrid.below(camera, self._pose)
                 self._grid.integrate(observation["depth"], camera, self._pose)
-            if info["collided"]:
+            if info.get("collided", False):
                 self.occupancy.mark_contact(self._pose)
 
     def _review(self) -> None:

@@ -34,7 +34,8 @@ class NeuralMapWrapper(
     Args:
         env: An exploration environment.
         preset: A preset of `anm_gym.map.presets.map_settings`.
-        seed: Seeds the map's weights and draws, together with the seed of `reset`.
+        seed: Seeds the map's weights and draws, together with the seed of `reset`; without one there, each
+            episode has a map of its own all the same.
         device: Where the map is trained.
         settings: Effective settings instead of a preset.
 
@@ -66,6 +67,7 @@ class NeuralMapWrapper(
         require_exploration(env)
         self.settings = settings or map_settings(preset)
         self._seed, self._device = seed, device
+        self._map_seeds = np.random.SeedSequence([seed])
         self.neural_map = self._new_map(seed)
         """The map of the current episode."""
         self.updates: list[MapUpdate] = []
@@ -81,8 +83,11 @@ class NeuralMapWrapper(
     ) -> tuple[Observation, dict[str, Any]]:
         """Begin an episode with an empty map."""
         observation, info = self.env.reset(seed=seed, options=options)
-        entropy = [self._seed] if seed is None else [self._seed, seed]
-        self.neural_map = self._new_map(int(np.random.SeedSequence(entropy).generate_state(1)[0]))
+        if seed is None:
+            self._map_seeds = self._map_seeds.spawn(1)[0]
+        else:
+            self._map_seeds = np.random.SeedSequence([self._seed, seed])
+        self.neural_map = self._new_map(int(self._map_seeds.generate_state(1)[0]))
         self.updates = []
         return observation, self._learn(observation, info)
 

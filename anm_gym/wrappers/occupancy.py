@@ -64,7 +64,7 @@ class OccupancyWrapper(
         """Act, then log what is seen."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         self._log(observation)
-        if info["collided"]:
+        if info.get("collided", False):
             self.occupancy.mark_contact(observation["world_from_camera"].astype(np.float64))
         return observation, float(reward), terminated, truncated, info
 

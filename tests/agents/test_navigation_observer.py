@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 from agents.ego_memory import BLOCKED
 from agents.navigation_observer import NavigationObserver
 from agents.navigator_net import NUM_PREVIOUS, NavigatorNetSettings
-from agents.reflexes import MAX_TURNS
 from anm_gym.actions import Action
 from anm_gym.geometry import CameraSpec, camera_pose
 
@@ -53,7 +52,7 @@ def test_lost_agents_are_led_each_its_own_way() -> None:
     depth = np.full((3, 16, 16), 8.0, np.float32)
     goals = np.array([[3.0, 0.5], [3.0, -2.5], [3.0, 2.5]], np.float32)
     actions = np.array([int(Action.MOVE_FORWARD), left, left])
-    for step in range(MAX_TURNS + 3):
+    for step in range(27):
         places = [(0.5 * step, 0.0, 0.0), (7.0, 0.0, 0.17 * step), (0.0, 9.0, 0.17 * step)]
         poses = np.stack([camera_pose((x, 1.25, z), turn) for x, z, turn in places]).astype(np.float32)
         together.observe(depth, poses, goals)

@@ -3,13 +3,15 @@
 import numpy as np
 
 from agents.patience import PATIENCE_M
-from agents.reflexes import AWAY_M, LINGER_STEPS, MAX_LED_STEPS, MAX_TURNS, Reflexes
+from agents.reflexes import AWAY_M, LINGER_STEPS, MAX_LED_STEPS, Reflexes
 from anm_gym.actions import Action
 from anm_gym.geometry import camera_pose
 
 FORWARD, STOP = int(Action.MOVE_FORWARD), int(Action.STOP)
 FAR, NEAR, THERE = np.array([3.0]), np.array([0.19]), np.array([0.14])
 STEP_M = 0.25
+MAX_TURNS = 24
+"""Turns of ten degrees that lead two thirds of the way round."""
 
 
 def pose(x: float, z: float, heading_rad: float) -> np.ndarray:
@@ -64,6 +66,26 @@ def test_heading_is_known_again_across_the_half_turn() -> None:
     for heading_rad in (np.pi - 0.01, np.pi - 0.01):
         reflexes.update(pose(0, 0, heading_rad), FAR, np.array([FORWARD]))
     assert not reflexes.allowed(pose(0, 0, -np.pi + 0.01), NEAR)[0, FORWARD]
+
+
+def test_steps_of_a_centimetre_and_a_half_are_moves() -> None:
+    reflexes = Reflexes(2, np.array([STEP_M, 0.015]))
+    for count in range(2):
+        here = pose(0.012 * count, 0, 0).repeat(2, axis=0)
+        reflexes.update(here, FAR.repeat(2), np.array([FORWARD] * 2))
+    assert reflexes.allowed(here, FAR.repeat(2))[:, FORWARD].tolist() == [False, True]
+    reflexes.keep([1, 0])
+    reflexes.update(here, FAR.repeat(2), np.array([FORWARD] * 2))
+    assert not reflexes.allowed(here, FAR.repeat(2))[:, FORWARD].any()
+
+
+def test_agent_is_lost_after_two_thirds_of_the_way_round_however_small_its_turns() -> None:
+    for turn_step_deg, turns in ((5.0, 48), (10.0, 24), (30.0, 8)):
+        reflexes, counts = Reflexes(1, STEP_M, turn_step_rad=np.deg2rad(turn_step_deg)), []
+        for count in range(1, 60):
+            reflexes.update(pose(0, 0, 0), FAR, np.array([int(Action.TURN_LEFT)]))
+            counts += [count] if reflexes.lost[0] else []
+        assert counts[0] == turns + 1  # the first call tells where it is
 
 
 def test_new_episode_forgets() -> None:

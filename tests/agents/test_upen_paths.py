@@ -76,7 +76,7 @@ def test_lone_start_has_a_score_of_nothing() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"scoring": "right"}, "`scoring` must be paper or repo, got 'right'"),
+        ({"scoring": "right"}, "`scoring` must be one of paper, repo, got 'right'"),
         ({"min_depth": 11}, r"`min_depth` must be in \[1, max_depth\], got 11 of 10"),
     ],
 )

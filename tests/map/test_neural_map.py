@@ -251,6 +251,34 @@ def test_copies_and_states_made_without_gradients_learn_on(tour) -> None:
     assert np.isfinite(other.gradient(np.ones((1, 3)))).all()
 
 
+def test_maps_of_one_state_learn_apart(tour) -> None:
+    """What is learned after a state was taken, by the map or by others, changes neither it nor them."""
+    maps = [NeuralMap(small(first_iterations=3, iterations=2), tour.camera, seed=seed) for seed in range(3)]
+    maps[0].integrate(tour.depths[0], tour.poses[0])
+    state = maps[0].state()
+    before = {name: tensor.clone() for name, tensor in state.items()}
+    for other in maps[1:]:
+        other.load_state(state)
+    for _ in range(2):
+        maps[0].integrate(tour.depths[1], tour.poses[1])
+        maps[1].integrate(tour.depths[2], tour.poses[2])
+    for name, tensor in maps[2].state().items():
+        assert torch.equal(tensor, before[name]), name
+        assert torch.equal(state[name], before[name]), name
+
+
+def test_state_replaces_all_of_a_map_that_has_learned(tour) -> None:
+    used, fresh = (NeuralMap(small(first_iterations=3), tour.camera) for _ in range(2))
+    used.integrate(tour.depths[0], tour.poses[0])
+    used.load_state(fresh.state())
+    with pytest.raises(MapError, match="must have seen a frame"):
+        _ = used.occupancy
+    points = np.ones((5, 3), np.float32)
+    for neural_map in (used, fresh):
+        neural_map.integrate(tour.depths[1], tour.poses[1])
+    np.testing.assert_array_equal(used.sdf(points), fresh.sdf(points))
+
+
 def test_torch_s_own_generator_is_left_alone(tour) -> None:
     before = torch.random.get_rng_state()
     NeuralMap(small(), tour.camera)

@@ -42,9 +42,9 @@ def test_space_in_which_rays_met_nothing_has_no_rim() -> None:
     assert found.points[:, 0].min() > -1.3
 
 
-@pytest.mark.parametrize("wrong", [{"block_voxels": 0}, {"margin_m": -0.1}])
+@pytest.mark.parametrize("wrong", [{"block_voxels": 0}, {"margin_m": -0.1}, {"frontier_share": -1.0}])
 def test_settings_that_mean_nothing_are_refused(wrong: dict[str, float]) -> None:
-    with pytest.raises(ValueError, match="`block_voxels` must be >= 1 and `margin_m` >= 0"):
+    with pytest.raises(ValueError, match=f"`{next(iter(wrong))}` must be >= "):
         SurfaceSettings(**wrong)  # type: ignore[arg-type]
 
 

@@ -3,14 +3,14 @@ import pytest
 from scipy.spatial import cKDTree
 
 from anm_gym.geometry import CameraSpec, backproject, camera_pose
-from anm_gym.metrics.completion import CompletionMeter, completion_samples
+from anm_gym.metrics.completion import NUM_SAMPLES, CompletionMeter, completion_samples
 from anm_gym.sim.backends import make_depth_camera
 
 CAMERA = CameraSpec(width_px=256, height_px=256)
-NUM_SAMPLES = 20_000
+FEW_SAMPLES = 20_000
 
 
-def meter_after(mesh, poses, camera=CAMERA, visible=None, num_samples=NUM_SAMPLES):
+def meter_after(mesh, poses, camera=CAMERA, visible=None, num_samples=FEW_SAMPLES):
     meter = CompletionMeter(mesh, visible, num_samples=num_samples)
     depth_camera = make_depth_camera(mesh, camera)
     for pose in poses:
@@ -99,7 +99,7 @@ def test_the_visible_share_counts_visible_samples_only(two_rooms):
     samples = completion_samples(two_rooms, NUM_SAMPLES)
     visible = (samples.points[:, 2] < -1.9)[:5000] & (samples.points[:5000, 0] < -0.5)
     poses = [camera_pose([-2.0, 1.25, 0.0], turn * np.pi / 6) for turn in range(12)]
-    meter = meter_after(two_rooms, poses, visible=visible)
+    meter = meter_after(two_rooms, poses, visible=visible, num_samples=NUM_SAMPLES)
     assert meter.comp_visible_pct == pytest.approx(100.0, abs=3.0)
     assert meter.comp_pct < 70.0
 
@@ -110,6 +110,8 @@ def test_two_episodes_alike_score_alike(two_rooms):
     assert first == second
 
 
-def test_too_many_visibility_flags_are_refused(box_room):
-    with pytest.raises(ValueError, match="`visible` must have at most 10 entries"):
-        CompletionMeter(box_room(), np.ones(11, bool), num_samples=10)
+@pytest.mark.parametrize(("count", "num_samples"), [(11, 10), (9, 10), (NUM_SAMPLES + 1, NUM_SAMPLES)])
+def test_visibility_of_another_sample_set_is_refused(box_room, count, num_samples):
+    """A prefix of the default set is as good as all of it; that of another size is another set."""
+    with pytest.raises(ValueError, match=f"`visible` must have .*{num_samples} entries.*, got {count}"):
+        CompletionMeter(box_room(), np.ones(count, bool), num_samples=num_samples)

@@ -58,6 +58,50 @@ def walk(env: GoalWrapper, steps: int, action: Action = Action.MOVE_FORWARD) -> 
     return info
 
 
+class RealRobot(gymnasium.Env[Any, Any]):
+    """Nothing but what goal wrappers say that they need, taken from an environment of the suite."""
+
+    def __init__(self, env: ExploreEnv) -> None:
+        self.env, self.action_space, self.observation_space = env, env.action_space, env.observation_space
+        self.camera, self.step_sizes = env.camera, env.step_sizes
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> tuple[Any, dict[str, Any]]:
+        return self.env.reset(seed=seed, options=options)[0], {}
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        return *self.env.step(action)[:4], {}
+
+
+def test_environment_of_one_s_own_needs_no_more_than_is_said(
+    explore: Callable[..., ExploreEnv], box_room: Callable[..., TriangleMesh]
+) -> None:
+    robot = RealRobot(explore(box_room(), start=START))
+    env = ScriptedGoals(robot, [goal(-1.0, 0.5)])
+    env.reset(seed=0)
+    assert walk(env, 3)["goal_distance_m"] > 0.9
+    assert env.step_sizes == pytest.approx((0.065, np.deg2rad(10.0)))
+    del robot.step_sizes
+    with pytest.raises(
+        ValueError, match="`env` must have `step_sizes`, metres of a step forward and radians"
+    ):
+        ScriptedGoals(robot, [])
+
+
+def test_draws_go_on_where_an_episode_has_no_seed(scripted: Callable[..., ScriptedGoals]) -> None:
+    env = scripted([])
+
+    def episodes() -> list[float]:
+        drawn = []
+        for seed in (0, None, None):
+            env.reset(seed=seed)
+            drawn.append(env.rng.random())
+        return drawn
+
+    first = episodes()
+    assert len(set(first)) == 3
+    assert episodes() == first
+
+
 def test_observation_points_to_the_goal_and_fits_its_space(scripted: Callable[..., ScriptedGoals]) -> None:
     env = scripted([goal(-1.0, 0.5)])
     observation, info = env.reset(seed=0)

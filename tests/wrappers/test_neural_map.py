@@ -41,6 +41,23 @@ def test_same_seed_learns_the_same_map(env: NeuralMapWrapper) -> None:
     assert predictions[0] == predictions[1]
 
 
+def test_episodes_without_a_seed_have_maps_of_their_own(env: NeuralMapWrapper) -> None:
+    """But after a seed they are the same each time."""
+    point = np.zeros((1, 3), np.float32)
+
+    def episodes() -> list[float]:
+        env.reset(seed=3)
+        maps = [env.neural_map]
+        for _ in range(2):
+            env.reset()
+            maps.append(env.neural_map)
+        return [neural_map.variability(point).item() for neural_map in maps]
+
+    first = episodes()
+    assert len(set(first)) == 3
+    assert episodes() == first
+
+
 def test_compute_is_kept_outside_info(env: NeuralMapWrapper) -> None:
     _, info = env.reset(seed=0)
     assert {"observe", "learn"} <= set(env.compute_ms)

@@ -70,12 +70,12 @@ class CoverageRun:
         self.training = training
         self._envs = _vectorise(training, expand_scenes(training.scenes), training.learner.num_envs)
         self._test_envs = _vectorise_apart(training, expand_scenes(training.eval_scenes))
+        self.model = make_model(training, self._envs)
         plain = {**asdict(training), "out": str(training.out)}
         claim_folder(training.out, plain, may_change=MAY_CHANGE)
         self._checkpoint = TrainingCheckpoint(training.out / "checkpoint.safetensors")
         self.progress = self._checkpoint.progress() or Progress(STAGE)
         self._cpu_before_s = self.progress.cpu_s - time.process_time()
-        self.model = make_model(training, self._envs)
         if self.progress.frames:
             self._checkpoint.restore(self.model.policy, self.model.policy.optimizer)
             self.model.num_timesteps = self.progress.frames

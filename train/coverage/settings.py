@@ -9,6 +9,7 @@ from typing import Any, Final, Literal
 import gymnasium as gym
 
 from agents.roster import parse_agent
+from anm_gym.checks import check_at_least, check_choices, check_positive, check_share
 from anm_gym.wrappers.coverage_reward import CoverageRewardWrapper, CoverageWeights
 from anm_gym.wrappers.moves_only import MovesOnlyWrapper
 from anm_gym.wrappers.occupancy import OccupancyWrapper
@@ -34,6 +35,8 @@ class ViewSettings:
     """Edge of a cell of the occupancy grid that the map is cut from, metres."""
 
     def __post_init__(self) -> None:
+        check_at_least(self, 0, "map_px", "depth_px")
+        check_positive(self, "pixel_m", "cell_m")
         if self.map_px == 0 and self.depth_px == 0:
             raise ValueError("`map_px` or `depth_px` must be > 0, got 0 and 0")
 
@@ -62,11 +65,12 @@ class LearnerSettings:
     """Weight of the policy's entropy in the loss."""
 
     def __post_init__(self) -> None:
-        if min(self.num_envs, self.rollout_steps, self.batch_size, self.num_epochs) < 1:
-            raise ValueError(
-                "`num_envs`, `rollout_steps`, `batch_size` and `num_epochs` must be >= 1, got "
-                f"{self.num_envs}, {self.rollout_steps}, {self.batch_size} and {self.num_epochs}"
-            )
+        check_choices(self)
+        check_at_least(self, 1, "num_envs", "rollout_steps", "num_epochs")
+        check_at_least(self, 2, "batch_size")  # advantages are normalised over a batch
+        check_positive(self, "learning_rate")
+        check_at_least(self, 0.0, "entropy_weight")
+        check_share(self, "discount", "gae_lambda")
         if self.num_envs * self.rollout_steps % self.batch_size != 0:
             raise ValueError(
                 "`batch_size` must divide `num_envs` times `rollout_steps`, got "
@@ -113,11 +117,8 @@ class CoverageTraining:
                 object.__setattr__(self, name, tuple(split_list([words])))
         for agent in self.baselines:
             parse_agent(agent)
-        if min(self.steps, self.round_updates, self.episode_steps, self.scene_episodes) < 1:
-            raise ValueError(
-                "`steps`, `round_updates`, `episode_steps` and `scene_episodes` must be >= 1, got "
-                f"{self.steps}, {self.round_updates}, {self.episode_steps} and {self.scene_episodes}"
-            )
+        check_at_least(self, 1, "steps", "round_updates", "episode_steps", "scene_episodes")
+        check_at_least(self, 0, "seed")
         if self.env.get("reward", "area") != "area":
             raise ValueError(
                 f"`env` must keep the reward of Explore, got {self.env['reward']!r}; it measures the coverage"

@@ -11,6 +11,7 @@ from torch import Tensor, nn
 
 from agents.navigator_net import NavigatorNet, State
 from anm_gym.actions import Action
+from anm_gym.checks import check_at_least, check_positive, check_share
 from train.navigator.env import NavigationVecEnv
 from train.navigator.ranks import Ranks
 
@@ -45,24 +46,14 @@ class DaggerSettings:
     """Gradients are clipped to this norm."""
 
     def __post_init__(self) -> None:
-        if min(self.frames, self.teacher_frames) < 0:
-            raise ValueError(
-                f"`frames` and `teacher_frames` must be >= 0, got {self.frames} and {self.teacher_frames}"
-            )
-        if min(self.rollout_steps, self.segment_steps, self.segments, self.updates_per_rollout) < 1:
-            raise ValueError(
-                "`rollout_steps`, `segment_steps`, `segments` and `updates_per_rollout` must be >= 1, got "
-                f"{self.rollout_steps}, {self.segment_steps}, {self.segments} and {self.updates_per_rollout}"
-            )
-        if self.capacity_steps < self.segment_steps:
+        check_at_least(self, 0, "frames", "teacher_frames", "stop_weight")
+        check_at_least(self, 1, "rollout_steps", "segment_steps", "segments", "updates_per_rollout")
+        check_positive(self, "learning_rate", "max_grad_norm")
+        check_share(self, "last_rate_share")
+        if not self.capacity_steps >= self.segment_steps:
             raise ValueError(
                 f"`capacity_steps` must be >= `segment_steps`, got {self.capacity_steps} and "
                 f"{self.segment_steps}"
-            )
-        if min(self.learning_rate, self.max_grad_norm) <= 0.0:
-            raise ValueError(
-                "`learning_rate` and `max_grad_norm` must be > 0, got "
-                f"{self.learning_rate} and {self.max_grad_norm}"
             )
 
 

@@ -13,6 +13,7 @@ from agents.navigation_observer import NavigationObserver
 from agents.navigator_net import NavigatorNetSettings
 from agents.teacher import GeodesicTeacher
 from anm_gym.actions import Action
+from anm_gym.checks import check_at_least
 from anm_gym.envs.pointnav import PointNavEnv
 from anm_gym.scenes.procedural.tiers import TIERS
 from train.navigator.hardware import Hardware
@@ -51,11 +52,7 @@ class DomainSettings:
             values = getattr(self, name)
             if not values or not all(value > 0.0 for value in values):
                 raise ValueError(f"`{name}` must have numbers > 0, got {values}")
-        if min(self.episodes_per_home, self.max_steps) < 1:
-            raise ValueError(
-                "`episodes_per_home` and `max_steps` must be >= 1, got "
-                f"{self.episodes_per_home} and {self.max_steps}"
-            )
+        check_at_least(self, 1, "episodes_per_home", "max_steps")
 
 
 @final

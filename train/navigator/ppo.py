@@ -18,6 +18,7 @@ from stable_baselines3.common.utils import obs_as_tensor
 from stable_baselines3.common.vec_env import VecEnv
 
 from agents.navigator_net import NavigatorNetSettings
+from anm_gym.checks import check_at_least, check_positive, check_share
 from train.navigator.buffer import EnvironmentBuffer
 from train.navigator.policy import NavigatorPolicy
 from train.navigator.preemption import Preemption
@@ -64,20 +65,10 @@ class PpoSettings:
     """Frames at the start in which only the critic learns (ours: imitation has not taught it)."""
 
     def __post_init__(self) -> None:
-        if min(self.frames, self.value_frames) < 0:
-            raise ValueError(
-                f"`frames` and `value_frames` must be >= 0, got {self.frames} and {self.value_frames}"
-            )
-        if min(self.rollout_steps, self.epochs, self.minibatches) < 1:
-            raise ValueError(
-                "`rollout_steps`, `epochs` and `minibatches` must be >= 1, got "
-                f"{self.rollout_steps}, {self.epochs} and {self.minibatches}"
-            )
-        if min(self.learning_rate, self.clip_range, self.max_grad_norm) <= 0.0:
-            raise ValueError(
-                "`learning_rate`, `clip_range` and `max_grad_norm` must be > 0, got "
-                f"{self.learning_rate}, {self.clip_range} and {self.max_grad_norm}"
-            )
+        check_at_least(self, 0, "frames", "value_frames", "entropy_weight", "value_weight")
+        check_at_least(self, 1, "rollout_steps", "epochs", "minibatches")
+        check_positive(self, "learning_rate", "clip_range", "max_grad_norm")
+        check_share(self, "discount", "gae_lambda")
 
 
 def _decaying(rate: float) -> Callable[[float], float]:

@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass, field, is_dataclass, replace
 from typing import Any, Final
 
 from agents.navigator_net import NavigatorNetSettings
+from anm_gym.checks import check_at_least
 from train.navigator.dagger import DaggerSettings
 from train.navigator.env import DomainSettings
 from train.navigator.ppo import PpoSettings
@@ -35,13 +36,8 @@ class NavigatorTraining:
     """Seeds everything."""
 
     def __post_init__(self) -> None:
-        if min(self.num_agents, self.evaluation_every, self.evaluation_episodes) < 1:
-            raise ValueError(
-                "`num_agents`, `evaluation_every` and `evaluation_episodes` must be >= 1, got "
-                f"{self.num_agents}, {self.evaluation_every} and {self.evaluation_episodes}"
-            )
-        if self.seed < 0:
-            raise ValueError(f"`seed` must be >= 0, got {self.seed}")
+        check_at_least(self, 1, "num_agents", "evaluation_every", "evaluation_episodes")
+        check_at_least(self, 0, "seed")
         if self.net.image_px < SMALLEST_IMAGE_PX:
             raise ValueError(f"`net.image_px` must be >= {SMALLEST_IMAGE_PX}, got {self.net.image_px}")
         self.net.at_work()  # the wave is wider there

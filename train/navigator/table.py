@@ -19,6 +19,7 @@ from train.navigator.episodes import NavigationEpisode, episodes_of, play_learne
 from train.pool import run_jobs
 from train.provenance import check_scene_files, digest, file_digest, versions
 from train.results import SCENE_FILE, Row, append_row, read_rows, row_key, write_json
+from train.run_folder import hold_folder
 from train.tables.text import aligned
 
 IMAGE_PX: Final = 64
@@ -73,7 +74,7 @@ class NavigationComparison:
 
 @dataclass(frozen=True)
 class Job:
-    """The episodes of one navigator in one scene."""
+    """Episodes of one navigator in one scene: all of them if it plays many at a time, else a single one."""
 
     navigator: str
     """Its name, or a file."""
@@ -96,7 +97,8 @@ def compare_navigators(comparison: NavigationComparison, json_path: Path | None 
         The lines of the table: one per navigator and scene, and one per navigator for all scenes.
 
     Raises:
-        ValueError: If there are rows of a scene that is another file by now, or was read with other options.
+        ValueError: If there are rows of a scene that is another file by now, or was read with other options,
+            or another process plays into the folder.
     """
     path = comparison.out / "episodes.jsonl"
     rows = {row_key(row, KEY): row for row in read_rows(path, KEY)}
@@ -104,6 +106,8 @@ def compare_navigators(comparison: NavigationComparison, json_path: Path | None 
     _check_scene_options(comparison, rows.values(), path)
     asked = _jobs(comparison)
     jobs = [missing for job in asked if (missing := _without(job, rows)).episodes]
+    if jobs:
+        hold_folder(comparison.out)
     with tqdm(total=sum(len(job.episodes) for job in jobs), unit="episode") as bar:
         for job, played in run_jobs(play, jobs, comparison.workers):
             for row in played:
@@ -223,10 +227,11 @@ def _jobs(comparison: NavigationComparison) -> list[Job]:
     by_scene = [tuple(one for one in episodes if one.scene == name) for name in comparison.scenes]
     digests = {name: policy_digest(name) for name in comparison.navigators}
     return [
-        Job(name, comparison.deterministic, some, digests[name])
+        Job(name, comparison.deterministic, part, digests[name])
         for name in comparison.navigators
         for some in by_scene
         if some
+        for part in ([some] if _weights_of(name) is not None else [(one,) for one in some])
     ]
 
 

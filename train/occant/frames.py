@@ -14,6 +14,7 @@ from scipy import ndimage
 
 from agents.layout_memory import LayoutSettings
 from agents.occant_model import OccAntSettings
+from anm_gym.checks import check_at_least, check_positive
 from anm_gym.geometry import CameraSpec, camera_pose
 from anm_gym.map.grid_fusion import FloorPose
 from anm_gym.map.projection import count_hits, project_depth, seen_masks
@@ -44,8 +45,9 @@ class FrameSettings:
     """Obstacles of at least this height stop the sweep, metres (paper's code: walls, 1.0 to 1.5 m)."""
 
     def __post_init__(self) -> None:
-        if self.frames_per_home < 1:
-            raise ValueError(f"`frames_per_home` must be >= 1, got {self.frames_per_home}")
+        check_at_least(self, 1, "frames_per_home", "image_px")
+        check_positive(self, "label_hfov_deg")
+        check_at_least(self, 0.0, "wall_m")
 
 
 @dataclass(frozen=True, eq=False)

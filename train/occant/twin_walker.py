@@ -9,6 +9,7 @@ from scipy import ndimage
 from skimage.graph import MCP_Geometric
 
 from anm_gym.actions import FORWARD_STEP_M, TURN_STEP_DEG
+from anm_gym.checks import check_at_least, check_positive
 from anm_gym.geometry import forward_xz, heading_towards, wrap_angle
 from anm_gym.sim.geodesic import nearest_free_cell
 from anm_gym.sim.grid_planning import line_is_free
@@ -40,6 +41,11 @@ class WalkSettings:
     """Length of a forward step, metres."""
     turn_step_rad: float = float(np.deg2rad(TURN_STEP_DEG))
     """Angle of a turn, radians."""
+
+    def __post_init__(self) -> None:
+        check_positive(self, "corner_m", "arrival_m", "forward_step_m", "turn_step_rad")
+        check_at_least(self, 0.0, "unknown_cost", "margin_m", "escape_m")
+        check_at_least(self, 1, "max_plans")
 
 
 class TwinWalker:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from agents.layout_memory import pooled
+from anm_gym.checks import check_at_least, check_positive
 from anm_gym.scenes.catalog import make_scene
 from anm_gym.scenes.scene import Scene
 from anm_gym.sim.grid import GridFrame
@@ -119,6 +120,10 @@ class FanSettings:
     """Number of rays."""
     step_m: float = 0.1
     """Distance of the samples along the optical axis, metres."""
+
+    def __post_init__(self) -> None:
+        check_positive(self, "hfov_deg", "vfov_deg", "sensor_height_m", "range_m", "step_m")
+        check_at_least(self, 1, "columns")
 
 
 class RayFan:

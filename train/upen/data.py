@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from agents.upen_ensemble import EnsembleSettings
 from agents.upen_map import ObservedMap, UpenMapSettings
+from anm_gym.checks import check_at_least, check_positive
 from anm_gym.geometry import CameraSpec, camera_pose, heading_towards, wrap_angle
 from anm_gym.map.grid_fusion import FloorPose
 from anm_gym.map.projection import FREE, NUM_CLASSES, OCCUPIED, VOID
@@ -58,11 +59,8 @@ class CropSettings:
             raise ValueError(
                 f"`min_steps` must be in [1, max_steps], got {self.min_steps} of {self.max_steps}"
             )
-        if min(self.crops_per_home, self.crop_every) < 1:
-            raise ValueError(
-                "`crops_per_home` and `crop_every` must be >= 1, "
-                f"got {self.crops_per_home} and {self.crop_every}"
-            )
+        check_at_least(self, 1, "crops_per_home", "crop_every", "image_px")
+        check_positive(self, "step_m", "turn_deg")
 
 
 @dataclass(frozen=True, eq=False)

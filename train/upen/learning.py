@@ -1,7 +1,7 @@
 """Learning of one member of UPEN's ensemble, in checkpoints that a killed run goes on from."""
 
 from dataclasses import dataclass
-from typing import Final, Literal, final, get_args
+from typing import Final, Literal, final
 
 import numpy as np
 import torch
@@ -10,6 +10,7 @@ from torch import Tensor, nn
 
 from agents.occupancy_net import channels_last
 from agents.upen_ensemble import EnsembleSettings, new_net
+from anm_gym.checks import check_at_least, check_choices, check_positive, check_share
 from train.batch_learning import BatchLearner
 from train.upen.data import LEVELS, Crops
 
@@ -41,10 +42,10 @@ class LearningSettings:
     """Share of the homes that a member learns from (`overlap`; paper)."""
 
     def __post_init__(self) -> None:
-        if self.passes < 1 or self.batch < 1:
-            raise ValueError(f"`passes` and `batch` must be >= 1, got {self.passes} and {self.batch}")
-        if self.split not in get_args(Split):
-            raise ValueError(f"`split` must be one of {', '.join(get_args(Split))}, got {self.split!r}")
+        check_choices(self)
+        check_at_least(self, 1, "passes", "batch")
+        check_positive(self, "learning_rate")
+        check_share(self, "last_rate_share")
         if not 0.0 < self.share <= 1.0:
             raise ValueError(f"`share` must be in (0, 1], got {self.share}")
 

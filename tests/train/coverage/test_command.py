@@ -226,7 +226,7 @@ def test_ranges_of_homes_are_written_out():
     [
         ({"eval_scenes": ("home:studio:2",)}, "`eval_scenes` must not be learned in, got home:studio:2"),
         ({"env": {"reward": "none"}}, "`env` must keep the reward of Explore, got 'none'"),
-        ({"steps": 0}, "`steps`, `round_updates`, `episode_steps` and `scene_episodes` must be >= 1, got 0"),
+        ({"steps": 0}, "`steps` must be >= 1, got 0"),
     ],
 )
 def test_impossible_runs_are_refused(change, message):
@@ -234,13 +234,24 @@ def test_impossible_runs_are_refused(change, message):
         replace(TINY, **change)
 
 
+def test_run_that_cannot_begin_leaves_its_folder_alone(tmp_path):
+    with pytest.raises(ValueError, match="`ego_map` must have edges of at least 28 pixels"):
+        CoverageRun(replace(TINY, out=tmp_path, view=ViewSettings(map_px=20)))
+    assert not list(tmp_path.iterdir())
+
+
 def test_impossible_stages_are_refused():
     with pytest.raises(ValueError, match="`map_px` or `depth_px` must be > 0, got 0 and 0"):
         ViewSettings(map_px=0)
-    with pytest.raises(
-        ValueError, match="`num_envs`, `rollout_steps`, `batch_size` and `num_epochs` must be"
+    for changes, message in (
+        ({"num_envs": 0}, "`num_envs` must be >= 1, got 0"),
+        ({"batch_size": 1}, "`batch_size` must be >= 2, got 1"),
+        ({"algorithm": "a2c"}, "`algorithm` must be one of ppo, recurrent_ppo, got 'a2c'"),
+        ({"learning_rate": 0.0}, "`learning_rate` must be > 0, got 0"),
+        ({"discount": 1.1}, r"`discount` must be in \[0, 1\], got 1.1"),
     ):
-        LearnerSettings(num_envs=0)
+        with pytest.raises(ValueError, match=message):
+            LearnerSettings(**changes)
     with pytest.raises(
         ValueError, match="`batch_size` must divide `num_envs` times `rollout_steps`, got 3 of"
     ):
