@@ -43,8 +43,7 @@ class LearnedSettings:
 
     def __post_init__(self) -> None:
         check_choices(self)
-        check_at_least(self, 1, "patience_steps")
-        check_at_least(self, 0.0, "progress_m")
+        check_at_least(self, 0.0, "patience_steps", "progress_m")
 
 
 @final

@@ -71,6 +71,18 @@ def test_goal_in_the_next_room_is_reached_by_nearly_the_shortest_way(
     assert np.cos(env.heading_rad - np.pi / 2) > np.cos(np.deg2rad(10.5))
 
 
+def test_steps_of_a_centimetre_and_a_half_are_not_taken_for_contacts(
+    explore: Explore, box_room: Callable[..., TriangleMesh]
+) -> None:
+    env = GoalList(
+        explore(box_room(), start=(0.0, 1.5, 0.0), forward_step_m=0.015),
+        goals((0.0, 0.0, None), (1.0, 1.0, None)),
+    )
+    actions = drive(env, "planner", 150)
+    assert env.failures == []
+    assert actions.count(Action.MOVE_FORWARD) > 0.9 * len(actions)
+
+
 def test_turns_are_not_undone_at_once(explore: Explore, two_rooms: TriangleMesh) -> None:
     tour = goals((3.0, -1.5, None), (-3.0, 1.0, None), (2.0, 1.2, None), (-3.5, -1.5, None), (0.0, 0.0, None))
     env = GoalList(explore(two_rooms, start=(-3.0, -1.0, 0.0)), tour)

@@ -12,6 +12,7 @@ from anm_gym.geometry import CameraSpec
 from anm_gym.mesh import TriangleMesh
 from anm_gym.sim.point_distance import DistanceToPoint
 from anm_gym.sim.simulator import Simulator
+from anm_gym.sim.traversable import BodySpec
 
 CAMERA = CameraSpec(width_px=4, height_px=4)
 TURN_RAD = np.deg2rad(10.0)
@@ -63,3 +64,24 @@ def test_agent_at_the_goal_stops(box_room: Callable[..., TriangleMesh]) -> None:
     teacher = GeodesicTeacher(grid, (0.5, 0.5), 0.065, TURN_RAD)
     assert teacher(np.array([0.55, 0.5]), 0.0) is Action.STOP
     assert teacher(np.array([0.9, 0.5]), 0.0) is not Action.STOP
+
+
+@pytest.mark.parametrize("radius_m", [0.1, 0.3, 0.45])
+def test_tight_floor_is_dear_for_bodies_of_any_width(
+    box_room: Callable[..., TriangleMesh], radius_m: float
+) -> None:
+    """The way keeps away from a wall that the straight line would graze."""
+    simulator = Simulator(box_room(6.0, 6.0), 0.0, CAMERA, body=BodySpec(radius_m=radius_m))
+    beside_m = -3.0 + radius_m + 0.06
+    teacher = GeodesicTeacher(simulator.grid, (beside_m, 2.0), 0.065, TURN_RAD)
+    simulator.place((beside_m, -2.0), np.pi)
+    nearest_m = np.inf
+    for step in range(300):
+        action = teacher(simulator.state.position_xz, simulator.state.heading_rad)
+        if action is Action.STOP:
+            break
+        simulator.act(action)
+        if step > 20 and abs(simulator.state.position_xz[1]) < 1.0:
+            nearest_m = min(nearest_m, float(simulator.state.position_xz[0]) + 3.0)
+    assert action is Action.STOP
+    assert nearest_m > radius_m + 0.07

@@ -1,6 +1,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -34,6 +35,17 @@ def upen(
         return UpenGoalWrapper(env, settings=replace(QUICK, **changes), ensemble=ensemble)  # type: ignore[arg-type]
 
     return build
+
+
+def test_own_predictors_come_back_with_the_environment(upen) -> None:
+    env = upen()
+    assert isinstance(env, UpenGoalWrapper)
+    assert env._saved_kwargs["ensemble"].identity == env.predictor
+
+
+def test_nothing_is_predicted_before_an_episode(upen) -> None:
+    with pytest.raises(gymnasium.error.ResetNeeded, match="nothing has been predicted yet"):
+        _ = upen().predicted_map
 
 
 def turn(env: UpenGoalWrapper, steps: int) -> None:

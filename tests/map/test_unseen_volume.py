@@ -103,6 +103,7 @@ def test_cells_sum_up_to_the_views() -> None:
 def test_no_place_shows_nothing() -> None:
     volume = log_of(filled(UNKNOWN))
     assert unseen_volume(volume, np.empty((0, 3)), 0.0, CAMERA, PLAIN).shape == (0, 36)
+    assert unseen_by_cell(volume, np.empty((0, 3)), 0.0, CAMERA, PLAIN).share.shape == (0, 36, 0)
 
 
 def test_settings_must_make_sense() -> None:

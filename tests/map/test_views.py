@@ -93,6 +93,17 @@ def test_best_view_has_the_highest_gain_per_step() -> None:
     assert np.isclose(best.utility, utilities.max())
 
 
+def test_view_that_cannot_be_reached_is_worth_nothing() -> None:
+    positions, gains, costs = np.zeros((2, 2)), np.zeros((2, 36)), np.full((2, 36), 3.0)
+    gains[0, 0], costs[0] = 5.0, np.inf
+    assert rank_views(positions, gains, costs, SETTINGS)[0].utility == 0.0
+
+
+def test_rays_have_fewer_samples_than_a_wall_costs() -> None:
+    with pytest.raises(ValueError, match="`ray_step_m` must be more than `max_range_m` / 4095"):
+        ViewSettings(max_range_m=5.0, ray_step_m=0.001)
+
+
 def test_image_holds_what_lies_within_half_the_field_of_view() -> None:
     center = np.array([1.0, 1.25, 2.0])
     directions = np.array([[0.9, 0, -1], [1.1, 0, -1], [0, 0.9, -1], [0, 1.1, -1], [0, 0, 1]], np.float32)

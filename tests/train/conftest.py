@@ -1,5 +1,9 @@
 """A tiny scene on the disk, a cache of its own for the commands, a map that is exactly right."""
 
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +16,7 @@ from anm_gym.map.neural_map import NeuralMap
 from anm_gym.map.settings import MapSettings
 from anm_gym.mesh import TriangleMesh
 from anm_gym.sim.backends import make_depth_camera
+from train.run_folder import LOCK_FILE
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -20,6 +25,29 @@ def own_cache(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ANM_CACHE", str(tmp_path_factory.mktemp("cache")))
         yield
+
+
+@pytest.fixture
+def held() -> Callable[[Path], AbstractContextManager[None]]:
+    """Give `with held(folder)`: another process writes to a folder meanwhile."""
+
+    @contextmanager
+    def holding(folder: Path) -> Iterator[None]:
+        lines = (
+            "from filelock import FileLock",
+            f"lock = FileLock({str(folder / LOCK_FILE)!r})",
+            "lock.acquire()",
+            "print(flush=True)",
+            "input()",
+        )
+        command = [sys.executable, "-c", "\n".join(lines)]
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:
+            assert other.stdout is not None
+            other.stdout.readline()
+            yield
+            other.communicate("\n")
+
+    return holding
 
 
 @pytest.fixture(scope="session")

@@ -17,7 +17,6 @@ from train.evaluate import Evaluation, evaluate, main
 from train.play import ROWS_FILE
 from train.provenance import file_digest
 from train.results import append_row, read_rows
-from train.run_folder import LOCK_FILE
 
 ROOT = Path(__file__).parents[2]
 HERE = Backend(workers=0)
@@ -286,19 +285,9 @@ def test_two_rows_of_one_run_that_cannot_be_compared_are_not_both_written(tmp_pa
     assert len(read_rows(tmp_path / ROWS_FILE)) == 1
 
 
-def test_folder_that_another_process_plays_into_is_refused(tmp_path, play):
-    code = (
-        "from filelock import FileLock\n"
-        f"lock = FileLock({str(tmp_path / LOCK_FILE)!r})\n"
-        "lock.acquire()\nprint(flush=True)\ninput()"
-    )
-    with subprocess.Popen(
-        [sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as other:
-        other.stdout.readline()
-        with pytest.raises(ValueError, match="no other process writes to"):
-            evaluate(Evaluation(["fbe"], ["home:flat:1"], [0], out=tmp_path), HERE, play)
-        other.communicate("\n")
+def test_folder_that_another_process_plays_into_is_refused(tmp_path, play, held):
+    with held(tmp_path), pytest.raises(ValueError, match="no other process writes to"):
+        evaluate(Evaluation(["fbe"], ["home:flat:1"], [0], out=tmp_path), HERE, play)
     assert len(evaluate(Evaluation(["fbe"], ["home:flat:1"], [0], out=tmp_path), HERE, play)) == 1
 
 

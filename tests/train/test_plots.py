@@ -71,6 +71,14 @@ def test_any_number_of_agents_gets_colours(tmp_path, num_agents):
     assert completion_figure(curves, curves, 1, tmp_path / "curves.png").exists()
 
 
+def test_curves_are_drawn_whole_and_begin_where_they_begin():
+    _, [axes] = figure(1)
+    curve = Curve(np.array([20.0, 100.0]), np.array([150.0, 220.0]))
+    plot_curves(axes, {"a": [curve]}, 100.0, "steps", "error (cm)", y_max=np.inf)
+    assert axes.get_ylim()[1] > 220.0
+    assert axes.get_lines()[0].get_xdata()[0] == 20.0
+
+
 def test_curves_of_one_colour_differ_in_strokes():
     _, [axes] = figure(1)
     x = np.array([0.0, 10.0])

@@ -90,6 +90,35 @@ def test_table_goes_on_where_it_stopped(net: NavigatorNet, tmp_path: Path, monke
     assert (tmp_path / "table.json").read_text().count('"success"') == 3
 
 
+def test_folder_that_another_process_plays_into_is_refused(net: NavigatorNet, tmp_path: Path, held) -> None:
+    save_policy(net, path := tmp_path / "walker.safetensors")
+    comparison = NavigationComparison(
+        [str(path)], SCENES[:1], 1, 0.25, deterministic=True, workers=0, out=tmp_path
+    )
+    with held(tmp_path), pytest.raises(ValueError, match="no other process writes to"):
+        compare_navigators(comparison)
+    assert len(compare_navigators(comparison)) == 1
+
+
+def test_planners_keep_what_they_have_played_when_one_episode_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    comparison = NavigationComparison(
+        ["oracle"], SCENES[:1], 2, 0.25, deterministic=False, workers=0, out=tmp_path
+    )
+    real = play_driven
+
+    def failing(name: str, episode: NavigationEpisode, image_px: int) -> dict:
+        if episode.seed == 1:
+            raise RuntimeError("power cut")
+        return real(name, episode, image_px)
+
+    monkeypatch.setattr("train.navigator.table.play_driven", failing)
+    with pytest.raises(RuntimeError, match="power cut"):
+        compare_navigators(comparison)
+    assert len((tmp_path / "episodes.jsonl").read_text().splitlines()) == 1
+
+
 def test_rows_of_other_weights_are_not_taken_for_new_ones(net: NavigatorNet, tmp_path: Path) -> None:
     path = tmp_path / "walker.safetensors"
     save_policy(net, path)
