@@ -6,8 +6,7 @@ backwards, heading 0 ahead), so that the walls of a home have no preferred direc
 """
 
 from dataclasses import dataclass
-from functools import reduce
-from typing import Any, Final, final
+from typing import Final, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from anm_gym.checks import check_at_least, check_positive
 from anm_gym.geometry import forward_xz
 from anm_gym.map.grid_fusion import FloorPose, RunningAverageGrid, centred_frame, ego_frame, to_registered
+from anm_gym.metrics.pooling import pooled
 from anm_gym.sim.grid import GridFrame
 
 OCCUPIED: Final = 0
@@ -123,7 +123,7 @@ class LayoutMemory:
         far = self._crop(pose, size)
         skipped = (size - settings.view_cells) // 2
         near = far[:, skipped : skipped + settings.view_cells, skipped : skipped + settings.view_cells]
-        return np.concatenate([near, pooled(far, settings.pool), self._bearings(float(pose[2]))])
+        return np.concatenate([near, pooled(np.maximum, far, settings.pool), self._bearings(float(pose[2]))])
 
     def goal_xz(self, goal: int, pose: NDArray[np.float64]) -> NDArray[np.float64]:
         """(2,) floor point of a goal, metres; goals are the far view's cells in row order."""
@@ -163,13 +163,6 @@ def _goal_offsets(settings: LayoutSettings) -> NDArray[np.float64]:
     along = (np.arange(settings.view_cells) + 0.5 - 0.5 * settings.view_cells) * settings.pool
     x, z = np.meshgrid(along, along)
     return settings.cell_m * np.stack([x, z], axis=2)
-
-
-def pooled(values: NDArray[Any], pool: int) -> NDArray[Any]:
-    """Largest value of each block of pool x pool cells of (..., rows, columns), both multiples of pool."""
-    # Slices, as numpy reduces short axes slowly.
-    rows = reduce(np.maximum, [values[..., first::pool, :] for first in range(pool)])
-    return reduce(np.maximum, [rows[..., first::pool] for first in range(pool)])
 
 
 def start_poses(poses: ArrayLike, start: ArrayLike) -> NDArray[np.float64]:

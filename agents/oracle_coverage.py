@@ -52,8 +52,7 @@ class OracleCoverageGoalWrapper(GoalWrapper):
         assert isinstance(env, MeshEnv)
         if env.simulator is not self._simulator:
             self._simulator = env.simulator
-            component = env.simulator.grid.component_at(self.position_xz)
-            table = load_view_table(env.scene.storey_mesh, env.simulator, max(component, 1))
+            table = load_view_table(env.scene.storey_mesh, env.simulator)
             self._planner = GreedyCoverage(
                 table, env.simulator.grid, self.coverage, horizon_steps=self._horizon_steps()
             )

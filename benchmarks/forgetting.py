@@ -23,7 +23,7 @@ from anm_gym.map.neural_map import NeuralMap
 from anm_gym.map.presets import map_settings
 from benchmarks.recordings import Recording, record
 from train.command import run_command, split_list
-from train.plots import Curve, figure, plot_curves
+from train.plots import Curve, figure, plot_curves, save_figure
 from train.pool import prepare_worker
 from train.results import Row, write_json
 
@@ -119,9 +119,7 @@ def draw(rows: Sequence[Row], path: Path) -> Path:
         label = "error at the first room (cm)"
         plot_curves(axes, curves, float(steps), "steps", label, first=index == 0, y_max=np.inf)
         axes.set_title(title, fontsize=10)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    result.savefig(path, dpi=150)
-    return path
+    return save_figure(result, path)
 
 
 def _arguments() -> argparse.Namespace:

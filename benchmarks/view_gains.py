@@ -40,7 +40,8 @@ EVERY: Final = 25
 """Steps between two comparisons."""
 PLACES: Final = 50
 """Places that are rated, at most."""
-QUICK: Final = {"scenes": "home:studio:34", "steps": 60}
+QUICK_SCENES: Final = "home:studio:34"
+QUICK_STEPS: Final = 60
 LEAST_GAIN: Final = 0.001
 """Where no view newly covers this share of the surface, there is nothing to foretell."""
 
@@ -103,8 +104,7 @@ def compare(scene: str, steps: int, bar: "tqdm[None]", seed: int = 0) -> list[Ro
     agent = build_agent("anm", make_env(scene, steps, {}), seed)
     observation, _ = agent.env.reset(seed=seed)
     simulator, camera = agent.env.get_wrapper_attr("simulator"), agent.env.get_wrapper_attr("camera")
-    component = simulator.grid.component_at(agent.env.get_wrapper_attr("position_xz"))
-    table = load_view_table(scene_of(agent.env).storey_mesh, simulator, max(component, 1))
+    table = load_view_table(scene_of(agent.env).storey_mesh, simulator)
     truth, gains, rows = GreedyCoverage(table, simulator.grid), gains_by_name(), []
     truth.mark_seen(observation["depth"], camera, observation["world_from_camera"])
     for step in range(1, steps + 1):
@@ -194,21 +194,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.view_gains", description=(__doc__ or "").splitlines()[0]
     )
-    parser.add_argument("--scenes", default=SCENES, help=f"meshes or procedural homes ({SCENES})")
-    parser.add_argument("--steps", type=int, default=STEPS, help=f"steps of each episode ({STEPS})")
+    parser.add_argument("--scenes", default=None, help=f"meshes or procedural homes ({SCENES})")
+    parser.add_argument("--steps", type=int, default=None, help=f"steps of each episode ({STEPS})")
     parser.add_argument("--json", type=Path, default=None, help="write the rows to this file")
     parser.add_argument("--quick", action="store_true", help="one studio, 60 steps")
     options = parser.parse_args(arguments)
-    if options.quick:
-        options.scenes, options.steps = QUICK["scenes"], QUICK["steps"]
-    if options.steps < EVERY:
-        raise ValueError(f"`steps` must be >= {EVERY}, from comparison to comparison, got {options.steps}")
+    usual_scenes, usual_steps = (QUICK_SCENES, QUICK_STEPS) if options.quick else (SCENES, STEPS)
+    steps = usual_steps if options.steps is None else options.steps
+    if steps < EVERY:
+        raise ValueError(f"`steps` must be >= {EVERY}, from comparison to comparison, got {steps}")
     prepare_worker()
     rows: list[Row] = []
-    scenes = split_list(options.scenes)
-    with tqdm(total=options.steps * len(scenes), unit="step", dynamic_ncols=True) as bar:
+    scenes = split_list(options.scenes or usual_scenes)
+    with tqdm(total=steps * len(scenes), unit="step", dynamic_ncols=True) as bar:
         for scene in scenes:
-            rows += compare(scene, options.steps, bar)
+            rows += compare(scene, steps, bar)
     print(format_table(rows))
     if options.json:
         write_json(options.json, rows)

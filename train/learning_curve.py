@@ -2,16 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from anm_gym.metrics.intervals import mean_interval
-from train.plots import PALETTE, figure
-
-LABEL_PCT: Final = 4.0
-"""Height of a line's name on the axis, per cent."""
+from train.plots import PALETTE, figure, label_ends, save_figure
 
 
 def learning_curve_figure(
@@ -45,39 +41,8 @@ def learning_curve_figure(
     colors = {name: PALETTE[index % len(PALETTE)] for index, name in enumerate(ends)}
     for name, value_pct in baselines_pct.items():
         axes.axhline(value_pct, color=colors[name], linewidth=1.5, linestyle="--")
-    for name, height_pct in spread_labels(ends, LABEL_PCT).items():
-        _name(axes, name, last, height_pct, colors[name])
+    label_ends(axes, [(value_pct, name, colors[name]) for name, value_pct in ends.items()], last)
     axes.set_xlabel("steps learned from")
     axes.set_ylabel(label)
     axes.xaxis.set_major_formatter(lambda value, _: f"{value / 1000:g} k" if value else "0")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    sheet.savefig(path, dpi=150)
-    return path
-
-
-def spread_labels(heights: Mapping[str, float], apart: float) -> dict[str, float]:
-    """Move labels up where they would cover one another, lowest first.
-
-    Args:
-        heights: Where each label should be.
-        apart: Least difference of two heights.
-    """
-    placed: dict[str, float] = {}
-    for name in sorted(heights, key=lambda key: heights[key]):
-        placed[name] = max([heights[name], *(height + apart for height in placed.values())])
-    return placed
-
-
-def _name(axes: Any, name: str, x: float, y: float, color: str) -> None:
-    """Write a name beside the end of its line."""
-    axes.annotate(
-        name,
-        xy=(x, y),
-        xytext=(6, 0),
-        textcoords="offset points",
-        color=color,
-        fontsize=9,
-        fontweight="bold",
-        va="center",
-        annotation_clip=False,
-    )
+    return save_figure(sheet, path)

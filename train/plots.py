@@ -111,7 +111,7 @@ def plot_curves(
         ends.append((float(band.mean[-1]), sign + name, color))
     axes.set_xlim(0.0, x_max)
     axes.set_ylim(0.0, min(1.05 * max([1.0, *(float(curve.y.max()) for curve in _all(groups))]), y_max))
-    _label_ends(axes, ends, x_max)
+    label_ends(axes, ends, x_max)
     axes.set_xlabel(x_label)
     if first:
         axes.set_ylabel(y_label)
@@ -157,7 +157,7 @@ def completion_figure(
     label = "completion ratio (%), mean and 95 % CI"
     plot_curves(left, over_steps, float(steps), "steps", label)
     plot_curves(right, over_metres, max(longest_m, 1e-3), "path length (m)", label, first=False)
-    return _save(result, path)
+    return save_figure(result, path)
 
 
 def reliability_figure(curves: Mapping[str, Sequence[ReliabilityBin]], path: Path) -> Path:
@@ -189,7 +189,7 @@ def reliability_figure(curves: Mapping[str, Sequence[ReliabilityBin]], path: Pat
     axes.set_xlabel("predicted standard deviation (cm)")
     axes.set_ylabel("root mean square error (cm), range over scenes")
     axes.legend(frameon=False, fontsize=9, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    return _save(result, path)
+    return save_figure(result, path)
 
 
 def tradeoff_figure(
@@ -229,7 +229,7 @@ def tradeoff_figure(
         axes.set_ylabel(label)
     names, count = panels[0].get_legend_handles_labels(), len(points)
     result.legend(*names, loc="outside upper center", ncols=max(1, min(count, 7)), frameon=False, fontsize=10)
-    return _save(result, path)
+    return save_figure(result, path)
 
 
 def _make_logarithmic(axes: Any, name: str, values: ArrayLike) -> None:
@@ -246,7 +246,8 @@ def _make_logarithmic(axes: Any, name: str, values: ArrayLike) -> None:
     axis.set_minor_locator(LogLocator(subs=()))
 
 
-def _save(result: Any, path: Path) -> Path:
+def save_figure(result: Any, path: Path) -> Path:
+    """Write a figure as a PNG, and make its folder; returns the path."""
     path.parent.mkdir(parents=True, exist_ok=True)
     result.savefig(path, dpi=150)
     return path
@@ -256,8 +257,14 @@ def _all(groups: Mapping[str, Sequence[Curve]]) -> list[Curve]:
     return [curve for curves in groups.values() for curve in curves]
 
 
-def _label_ends(axes: Any, ends: Sequence[tuple[float, str, str]], x_max: float) -> None:
-    """Write each group's name at its line's right end, spread so that no two names touch."""
+def label_ends(axes: Any, ends: Sequence[tuple[float, str, str]], x_max: float) -> None:
+    """Write names at the right ends of lines, spread so that no two touch.
+
+    Args:
+        axes: The axes, with their limits.
+        ends: For each line, the value at its end, its name and its colour.
+        x_max: Where the lines end.
+    """
     low, high = axes.get_ylim()
     ordered = sorted(ends)
     places = spread_labels([value for value, _, _ in ordered], 0.065 * (high - low), high)

@@ -47,7 +47,8 @@ def find_frontiers(
         Frontiers in the order of their first cells.
 
     Raises:
-        ValueError: If the two rasters have different shapes, or a size is not positive.
+        ValueError: If the two rasters have different shapes, `min_size_m` is negative or `max_size_m` not
+            positive.
 
     Source:
         Yamauchi, A frontier-based approach for autonomous exploration, 1997; cutting is ours.

@@ -42,7 +42,7 @@ class SurfaceSettings:
     reference_quantile: float = 0.9
     """Variability of observed surface at this quantile weighs one half."""
     reference_points: int = 512
-    """Observed points from which that quantile is taken."""
+    """Observed points, at least, from which that quantile is taken; fewer than twice as many."""
 
     def __post_init__(self) -> None:
         check_at_least(self, 1, "block_voxels", "reference_points")

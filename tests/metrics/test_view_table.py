@@ -89,5 +89,5 @@ def test_bad_arguments_are_refused(two_rooms):
         candidate_positions(grid, component=9)
     with pytest.raises(ValueError, match="at least one position"):
         table_of(two_rooms, np.zeros((0, 2)))
-    with pytest.raises(ValueError, match="every setting of the view table must be > 0"):
+    with pytest.raises(ValueError, match="`spacing_m` must be > 0, got 0"):
         ViewTableSettings(spacing_m=0.0)

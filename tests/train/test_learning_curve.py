@@ -3,7 +3,7 @@
 import numpy as np
 from PIL import Image
 
-from train.learning_curve import learning_curve_figure, spread_labels
+from train.learning_curve import learning_curve_figure
 
 
 def draw(path, values, baselines) -> np.ndarray:
@@ -26,8 +26,3 @@ def test_each_baseline_has_its_line(tmp_path):
     is_red = [np.abs(picture - np.array([213, 94, 0])).sum(axis=2) < 30 for picture in (bare, named)]
     assert not is_red[0].any()
     assert is_red[1].sum() > 500
-
-
-def test_labels_that_would_cover_one_another_are_moved_apart() -> None:
-    placed = spread_labels({"a": 85.0, "b": 84.0, "c": 40.0, "d": 41.0}, 4.0)
-    assert placed == {"c": 40.0, "d": 44.0, "b": 84.0, "a": 88.0}

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from train.figures.map_probe import Moment, Numbers, Trace
-from train.plots import PALETTE
+from train.plots import PALETTE, save_figure
 from train.recorder import env_layers, find_attribute
 
 ORDER: Final = ("learn", "observe", "goal", "plan", "render", "occupancy")
@@ -110,9 +110,7 @@ def _draw(result: Compute, path: Path) -> Path:
     axes[-1].set_xlabel("step")
     sheet.supylabel("CPU time (ms per step)", fontsize=10)
     _draw_shares(sheet.add_subplot(grid[:, 1]), result, shown)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    sheet.savefig(path, dpi=150)
-    return path
+    return save_figure(sheet, path)
 
 
 def _draw_module(axis: Any, result: Compute, name: str, color: str) -> None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from train.figures.map_probe import Numbers
 from train.play import ROWS_FILE
-from train.plots import MIN_BAND_CURVES, PALETTE, Band, Curve, band_alpha, figure, mean_band
+from train.plots import MIN_BAND_CURVES, PALETTE, Band, Curve, band_alpha, figure, mean_band, save_figure
 from train.provenance import versions
 from train.report import load_curves
 from train.results import Row, read_rows
@@ -87,9 +87,7 @@ class CompletionCurves:
         for axis, panel in zip(axes, panels, strict=True):
             _draw_panel(axis, panel, styles)
         axes[0].set_ylabel("completion ratio (%), mean and 95 % CI")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        result.savefig(path, dpi=150)
-        return path
+        return save_figure(result, path)
 
 
 def gather_curves(run: Path) -> CompletionCurves:

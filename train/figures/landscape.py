@@ -29,6 +29,7 @@ from train.figures.map_probe import (
     still_copy,
     surface_around_observed,
 )
+from train.plots import save_figure
 
 SNAPSHOTS: Final = 60
 """Weights kept on the way, besides the first and the last."""
@@ -299,9 +300,7 @@ def _draw(result: Landscape, path: Path) -> Path:
     bar.ax.set_yticklabels([f"{level:g}" for level in LEVELS_CM])
     handles, labels = axes[0].get_legend_handles_labels()
     sheet.legend(handles, labels, loc="outside upper center", ncols=len(labels), frameon=False)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    sheet.savefig(path, dpi=150)
-    return path
+    return save_figure(sheet, path)
 
 
 def _draw_landscape(axis: Any, result: Landscape, index: int) -> None:

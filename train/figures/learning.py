@@ -11,7 +11,7 @@ from anm_gym.metrics.completion import CompletionMeter
 from anm_gym.metrics.distance import MeshDistance
 from anm_gym.metrics.map_accuracy import reconstruction_scores
 from train.figures.map_probe import Moment, Numbers, Trace, still_copy
-from train.plots import PALETTE, figure
+from train.plots import PALETTE, figure, save_figure
 
 CHECKPOINTS: Final = 10
 """Times at which the map is scored, evenly over the episode."""
@@ -126,9 +126,7 @@ def _draw(result: Learning, path: Path) -> Path:
     for axis in (left, middle, right):
         axis.set_xlim(0.0, 1.03 * float(steps[-1]))
         axis.set_xlabel("step")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    sheet.savefig(path, dpi=150)
-    return path
+    return save_figure(sheet, path)
 
 
 def _line(

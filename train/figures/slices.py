@@ -14,6 +14,7 @@ from anm_gym.map.targets import PAPER_TARGETS, propose_target_views
 from anm_gym.map.volume import UNKNOWN
 from anm_gym.mesh import TriangleMesh
 from train.figures.map_probe import Moment, Numbers, Trace, still_copy
+from train.plots import save_figure
 from train.recorder import find_attribute
 
 SHARES: Final = (0.0, 0.25, 0.5, 1.0)
@@ -171,9 +172,7 @@ def _draw(result: Slices, path: Path) -> Path:
     handles.append(Patch(facecolor="#c4d3e0", label="pale: not seen yet"))
     labels.append("pale: not seen yet")
     sheet.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False, fontsize=10)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    sheet.savefig(path, dpi=150)
-    return path
+    return save_figure(sheet, path)
 
 
 def _draw_slice(axis: Any, result: Slices, each: Slice) -> Any:

@@ -14,6 +14,7 @@ from anm_gym.mesh import TriangleMesh
 from anm_gym.scenes.scene import Scene
 from train.figures.map_probe import Moment, Numbers, Trace, still_copy, surface_around_observed
 from train.figures.view import OpenView, Sight
+from train.plots import save_figure
 from train.reconstruction import CUT_ABOVE_FLOOR_M
 
 MOMENT: Final = 0.2
@@ -200,9 +201,7 @@ def _draw(result: Surface, path: Path) -> Path:
     bar.ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     bar.ax.yaxis.set_major_formatter("{x:g}")
     bar.ax.yaxis.set_minor_formatter("")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    sheet.savefig(path, dpi=150)
-    return path
+    return save_figure(sheet, path)
 
 
 def _seen_colors(result: Surface) -> NDArray[np.float64]:

@@ -11,7 +11,7 @@ from torch import Tensor, nn
 
 from anm_gym.map.sampling import RayBatch
 from train.figures.map_probe import Moment, Numbers, Trace, draw_rays, frozen, join_rays, predict, ray_loss
-from train.plots import PALETTE
+from train.plots import PALETTE, save_figure
 
 BETA: Final = 1.0
 """Weight of the first term; the paper gives no number."""
@@ -136,9 +136,7 @@ def _draw(result: Terms, path: Path) -> Path:
     sheet.legend(handles, labels, loc="outside upper right", frameon=False, fontsize=9, ncols=3)
     axes[-1].set_xlabel("step $t$")
     sheet.supylabel("distance term of the map's loss", fontsize=10)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    sheet.savefig(path, dpi=150)
-    return path
+    return save_figure(sheet, path)
 
 
 def _draw_term(axis: Any, result: Terms, values: NDArray[np.float64], color: str) -> None:

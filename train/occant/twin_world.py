@@ -7,14 +7,14 @@ over high, so visibility needs heights but no triangles. The environment on top 
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from agents.layout_memory import pooled
 from anm_gym.checks import check_at_least, check_positive
+from anm_gym.metrics.pooling import pooled
 from anm_gym.scenes.catalog import make_scene
 from anm_gym.scenes.scene import Scene
 from anm_gym.sim.grid import GridFrame
@@ -61,8 +61,11 @@ class TwinWorld:
         for low_m, high_m in pairwise(SLABS_M):
             low_y_m, high_y_m = scene.floor_y_m + low_m, scene.floor_y_m + high_m
             top_m[rasterise_slab(scene.storey_mesh.triangles, grid.frame, low_y_m, high_y_m)] = high_m
-        tops_m = np.asarray(_pooled(top_m), np.float32)
-        has_floor, navigable = (_pooled(mask) > 0 for mask in (grid.has_floor, grid.component == LARGEST))
+        tops_m = np.asarray(pooled(np.maximum, top_m, FINE_PER_CELL), np.float32)
+        has_floor, navigable = (
+            pooled(np.maximum, mask, FINE_PER_CELL) > 0
+            for mask in (grid.has_floor, grid.component == LARGEST)
+        )
         tops_m[(tops_m == 0.0) & ~has_floor] = VOID_M
         return cls(scene.name, GridFrame(grid.frame.origin_xz, cell_m, tops_m.shape), tops_m, navigable)
 
@@ -186,8 +189,3 @@ class RayFan:
         behind = np.zeros_like(is_wall)
         np.logical_or.accumulate(is_wall[:, :-1], axis=1, out=behind[:, 1:])
         return ~behind
-
-
-def _pooled(values: NDArray[Any]) -> NDArray[Any]:
-    """Take the largest of each block of fine cells; what does not fill a block is padded by 0."""
-    return pooled(np.pad(values, [(0, -size % FINE_PER_CELL) for size in values.shape]), FINE_PER_CELL)
