@@ -133,6 +133,33 @@ class PointNavVectorEnv(VectorEnv[Batch, NDArray[np.int64], NDArray[Any]]):
         """Draw what every environment draws."""
         return tuple(env.render() for env in self.envs)
 
+    def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
+        """Call a method of every environment, or read an attribute; see `gymnasium.vector.SyncVectorEnv`."""
+        found = self.get_attr(name)
+        return tuple(each(*args, **kwargs) if callable(each) else each for each in found)
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        """An attribute of every environment."""
+        return tuple(env.get_wrapper_attr(name) for env in self.envs)
+
+    def set_attr(self, name: str, values: Any) -> None:
+        """Set an attribute of every environment.
+
+        Args:
+            name: Which.
+            values: A list or tuple of one value for each, or a single value for all.
+
+        Raises:
+            ValueError: If there are not as many values as environments.
+        """
+        each = list(values) if isinstance(values, list | tuple) else [values] * self.num_envs
+        if len(each) != self.num_envs:
+            raise ValueError(
+                f"`values` must have {self.num_envs} entries, one per environment, got {len(each)}"
+            )
+        for env, value in zip(self.envs, each, strict=True):
+            env.set_wrapper_attr(name, value)
+
     def _batch(self, transitions: Sequence[Transition]) -> tuple[Batch, dict[str, Any]]:
         info: dict[str, Any] = {}
         for index, transition in enumerate(transitions):

@@ -16,6 +16,7 @@ _LEVEL_ESCAPE: Final = 0.02
 _BACK_FACES: Final = 0.05
 _DUPLICATES: Final = 0.01
 _LARGE_PART: Final = 0.2
+_TILT_DEG: Final = 0.3
 
 
 class ExaminedStorey(Protocol):
@@ -32,6 +33,10 @@ class ExaminedStorey(Protocol):
     @property
     def parts_m2(self) -> tuple[float, ...]:
         """Connected navigable areas, square metres, largest first."""
+
+    @property
+    def tilt_deg(self) -> float:
+        """How far the floor is from level, degrees."""
 
     @property
     def surroundings(self) -> Surroundings:
@@ -89,6 +94,11 @@ def _about_shape(storey: ExaminedStorey) -> Iterator[str]:
         unit = suspected_unit(storey.height_m)
         if unit is not None:
             yield f"is {storey.height_m:.1f} m high: the file may be in {unit!r}; check `unit`"
+    if storey.tilt_deg > _TILT_DEG:
+        yield (
+            f"tilts by {storey.tilt_deg:.1f} degrees: floor that lies 5 cm below or 10 cm above its main "
+            "height is not walked on; level the mesh"
+        )
     largest, *others = storey.parts_m2
     cut_off = [area for area in others if area >= _LARGE_PART * largest]
     if cut_off:

@@ -12,6 +12,7 @@ from anm_gym.scenes.cleaning import CleanMesh
 from anm_gym.scenes.load import LoadedScene, load_with_record
 from anm_gym.scenes.probes import Surroundings, make_probe, probe_surroundings
 from anm_gym.scenes.scene import Scene, Storey
+from anm_gym.scenes.storeys import floor_tilt_deg
 from anm_gym.sim.camera import DepthCamera
 from anm_gym.sim.traversable import TraversableGrid
 
@@ -30,6 +31,8 @@ class StoreyReport:
     """Area where the body's centre may stand, all parts together, square metres."""
     parts_m2: tuple[float, ...]
     """Area of each connected part, square metres, largest first."""
+    tilt_deg: float
+    """How far the floor is from level, degrees."""
     surroundings: Surroundings
     """What rays from the largest part meet."""
 
@@ -144,5 +147,6 @@ def _examine_storey(mesh: TriangleMesh, caster: DepthCamera, storey: Storey) -> 
         ceiling_y_m=storey.ceiling_y_m,
         navigable_m2=grid.navigable_area_m2,
         parts_m2=grid.component_areas_m2,
+        tilt_deg=floor_tilt_deg(mesh, storey.floor_y_m),
         surroundings=probe_surroundings(caster, mesh, grid, storey.floor_y_m),
     )

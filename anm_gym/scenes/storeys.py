@@ -32,6 +32,7 @@ _MAX_CANDIDATES: Final = 16
 _MAX_LEAST_M2: Final = 2.0
 """Level surface that is always looked at, square metres: beside a landscape any floor is small."""
 _MIN_LEVELNESS: Final = 0.9
+_TILTED_M: Final = 0.5
 
 
 @dataclass(frozen=True)
@@ -84,6 +85,25 @@ def level_heights(mesh: TriangleMesh) -> tuple[NDArray[np.float64], NDArray[np.f
     areas_m2 = mesh.areas_m2[is_level]
     peaks = list(_peaks(heights_m, areas_m2))
     return np.array([height for height, _ in peaks]), np.array([area for _, area in peaks])
+
+
+def floor_tilt_deg(mesh: TriangleMesh, floor_y_m: float) -> float:
+    """Measure how far a floor is from level, degrees: the median slope of nearly level faces around it.
+
+    Args:
+        mesh: Mesh in metres, y up.
+        floor_y_m: Height of the floor; faces within `_TILTED_M` of it count, whatever stands there.
+
+    Source:
+        Ours. The noise of scans cancels out, and a few ramps do not count.
+    """
+    heights_m = mesh.triangles[:, :, 1].mean(axis=1)
+    is_floor = (np.abs(heights_m - floor_y_m) < _TILTED_M) & (np.abs(mesh.normals[:, 1]) >= _MIN_LEVELNESS)
+    if not is_floor.any():
+        return 0.0
+    normals, areas_m2 = mesh.normals[is_floor], mesh.areas_m2[is_floor]
+    along_x, along_z = (_weighted_median(normals[:, axis] / normals[:, 1], areas_m2) for axis in (0, 2))
+    return float(np.rad2deg(np.arctan(np.hypot(along_x, along_z))))
 
 
 def _peaks(heights_m: NDArray[np.float64], areas_m2: NDArray[np.float64]) -> Iterator[tuple[float, float]]:

@@ -117,3 +117,21 @@ def test_pictures_are_drawn_for_every_agent(rooms: str) -> None:
     pictures = envs.render()
     assert pictures is not None
     assert [picture.shape for picture in pictures] == [(16, 24), (16, 24)]
+
+
+def test_attributes_are_read_and_set_as_in_gymnasium_s_own_vectors(rooms: str) -> None:
+    envs = [
+        gymnasium.make_vec(
+            "anm_gym:ANM/PointNav-v0", num_envs=2, vectorization_mode=mode, **settings_of(rooms)
+        )
+        for mode in ("sync", "vector_entry_point")
+    ]
+    read = []
+    for env in envs:
+        env.reset(seed=3)
+        env.set_attr("label", ["a", "b"])
+        goals = [np.asarray(goal).tolist() for goal in env.get_attr("goal_xz")]
+        read.append((goals, env.get_attr("label"), env.call("path_length_m"), env.call("action_of", 1)))
+        with pytest.raises(ValueError, match=r"`?[Vv]alues`?"):
+            env.set_attr("label", ["a", "b", "c"])
+    assert read[0] == read[1]

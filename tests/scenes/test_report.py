@@ -107,6 +107,14 @@ def test_storey_of_an_odd_height_is_told_by_its_unit(height_m: float, unit: str 
     assert suspected_unit(height_m) == unit
 
 
+def test_floor_that_is_not_level_is_warned_of(box_room: BoxRoom) -> None:
+    room = box_room(8.0, 8.0)
+    turn = trimesh.transformations.rotation_matrix(np.deg2rad(0.8), [0.6, 0.0, 0.8])[:3, :3]
+    report = mesh_report(scene_of(TriangleMesh(room.vertices @ turn.T, room.faces)))
+    assert report.storeys[0].tilt_deg == pytest.approx(0.8)
+    assert any(text.startswith("storey 0 tilts by 0.8 degrees: floor that lies") for text in report.warnings)
+
+
 def test_feet_taken_for_metres_are_warned_of(box_room: BoxRoom) -> None:
     report = mesh_report(scene_of(box_room(30.0, 20.0, 8.2)))
     assert any("the file may be in 'ft'" in warning for warning in report.warnings)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from anm_gym.mesh import TriangleMesh
-from anm_gym.scenes.storeys import find_storeys
+from anm_gym.scenes.storeys import find_storeys, floor_tilt_deg
 from anm_gym.sim.traversable import TraversableGrid
 
 BoxRoom = Callable[..., TriangleMesh]
@@ -75,3 +75,16 @@ def test_place_without_any_roof_is_played_where_it_is_largest(box_room: BoxRoom)
     (storey,) = find_storeys(roofless)
     assert storey.ceiling_y_m is None
     assert storey.navigable_area_m2 > 50.0
+
+
+@pytest.mark.parametrize("tilt_deg", [0.0, 1.0])
+def test_rough_floor_of_a_scan_tilts_by_what_it_tilts_in_the_mean(
+    rng: np.random.Generator, tilt_deg: float
+) -> None:
+    side = np.arange(81)
+    x, z = (axis.ravel() for axis in np.meshgrid(0.1 * side, 0.1 * side, indexing="ij"))
+    y = np.tan(np.deg2rad(tilt_deg)) * (x - 4.0) + rng.normal(0.0, 0.01, len(x))
+    first = (81 * side[:-1, None] + side[:-1]).reshape(-1, 1)
+    faces = np.concatenate([first + np.array(corners) for corners in ((0, 1, 81), (1, 82, 81))])
+    scan = TriangleMesh(np.stack([x, y, z], axis=1), faces.astype(np.int32))
+    assert floor_tilt_deg(scan, 0.0) == pytest.approx(tilt_deg, abs=0.15)
