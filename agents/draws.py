@@ -9,5 +9,5 @@ _AGENTS: Final = 1
 
 
 def draws_of(seed: int) -> np.random.Generator:
-    """The draws of an agent: independent of those that an environment makes of the same seed."""
+    """The draws of an agent, which are not those that `reset` of an environment makes of the same seed."""
     return np.random.default_rng([_AGENTS, seed])

@@ -11,7 +11,7 @@ from anm_gym.metrics.oracle import GoalPose, GreedyCoverage, OracleSettings
 from anm_gym.metrics.table_cache import load_view_table
 from anm_gym.registration import EXPLORE_STEPS
 from anm_gym.sim.simulator import Simulator
-from anm_gym.wrappers.goal import ALREADY_THERE, Goal, GoalLimits, GoalWrapper
+from anm_gym.wrappers.goal import Goal, GoalLimits, GoalWrapper
 
 LIMITS: Final = GoalLimits(arrival_m=0.15, timeout_steps=400, review_steps=25)
 """Poses are reviewed as what is seen on the way changes what remains."""
@@ -73,8 +73,7 @@ class OracleCoverageGoalWrapper(GoalWrapper):
 
     def _propose_goal(self) -> Goal | None:
         if self._target is not None:
-            since = self.failures[self._num_failures :]
-            has_failed = any(failure.reason != ALREADY_THERE for failure in since)
+            has_failed = len(self.failures) > self._num_failures
             self._planner.give_up(self._target, FAILURE_RADIUS_M if has_failed else 0.0)
         self._num_failures = len(self.failures)
         return self._best_goal()

@@ -118,7 +118,9 @@ class UpenGoalWrapper(GoalWrapper):
         ensemble: Ensemble | None = None,
     ) -> None:
         own: dict[str, Any] = {} if ensemble is None else {"ensemble": ensemble}
-        RecordConstructorArgs.__init__(self, preset=preset, seed=seed, settings=settings, **own)
+        RecordConstructorArgs.__init__(
+            self, preset=preset, seed=seed, settings=settings, _disable_deepcopy=True, **own
+        )
         if preset not in PRESETS:
             raise ValueError(f"unknown UPEN preset {preset!r}; choose one of: {', '.join(sorted(PRESETS))}")
         self.settings = settings or PRESETS[preset]

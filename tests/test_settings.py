@@ -11,8 +11,11 @@ import pytest
 import agents
 import anm_gym
 import train
+from agents.rollouts import RolloutSettings
+from anm_gym.map.presets import map_settings
+from anm_gym.wrappers.frontier_goal import PRESETS as FRONTIERS
 
-KINDS = ("Settings", "Spec", "Limits", "Weights", "Range", "Training")
+KINDS = ("Settings", "Learning", "Spec", "Limits", "Weights", "Range", "Training")
 """How classes of settings are called."""
 ELSEWHERE = {
     *(("MeshEnvSettings", name) for name in ("forward_step_m", "turn_step_deg")),
@@ -24,7 +27,8 @@ ANYTHING = {("SurfaceSettings", "doubt_visibility")}
 
 
 def settings() -> Iterator[Any]:
-    """One of each kind of settings, as its defaults make it."""
+    """One of each kind of settings, as its defaults make it; of those without, one that is in use."""
+    yield from (FRONTIERS["strong"], RolloutSettings(0.25, 0.5), *map_settings("best").field.grids)
     for package in (anm_gym, agents, train):
         for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
             if not module.name.endswith("__main__"):

@@ -31,11 +31,11 @@ CODE: Final = ("anm_gym", "agents", "train", ":!agents/weights/*.json")
 _GRID_SHIFT: Final = 0.3183
 _NOT_SETTINGS: Final = frozenset(
     {
-        *("env", "seed", "scene", "root", "max_episode_steps"),
+        *("env", "seed", "scene", "root", "max_episode_steps", "ensemble"),
         *("disable_env_checker", "order_enforce", "render_mode"),
     }
 )
-"""What rows name apart, what belongs to one machine, and what changes no number."""
+"""What rows name apart or by its identity, what belongs to one machine, and what changes no number."""
 
 
 def digest(value: Any, digits: int = 12) -> str:

@@ -135,12 +135,12 @@ class PointNavVectorEnv(VectorEnv[Batch, NDArray[np.int64], NDArray[Any]]):
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
         """Call a method of every environment, or read an attribute; see `gymnasium.vector.SyncVectorEnv`."""
-        found = self.get_attr(name)
+        found = [env.get_wrapper_attr(name) for env in self.envs]
         return tuple(each(*args, **kwargs) if callable(each) else each for each in found)
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
-        """An attribute of every environment."""
-        return tuple(env.get_wrapper_attr(name) for env in self.envs)
+        """Read an attribute of every environment; as there, a method is called."""
+        return self.call(name)
 
     def set_attr(self, name: str, values: Any) -> None:
         """Set an attribute of every environment.

@@ -5,6 +5,7 @@ gain is the variable surface that it would show, its cost the steps to get there
 """
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,9 @@ from anm_gym.actions import FORWARD_STEP_M, TURN_STEP_DEG
 from anm_gym.checks import check_at_least, check_positive
 from anm_gym.geometry import CameraSpec, camera_pose, wrap_angle, wrap_angles
 from anm_gym.map.volume import BLOCKED, ObservedVolume
+
+LEAST_STEPS: Final = 1e-9
+"""A view costs this at least, where nothing is added to what it costs, steps."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +75,7 @@ class View:
     @property
     def utility(self) -> float:
         """Gain per step."""
-        return self.gain / max(self.cost_steps, 1e-9)
+        return self.gain / max(self.cost_steps, LEAST_STEPS)
 
 
 class TakenViews:
@@ -243,7 +247,7 @@ def rank_views(
     Returns:
         The view, whose utility is 0 if none that can be reached has a gain, and the (P, H) utilities of all.
     """
-    utilities = gains / (costs + settings.fixed_cost_steps)
+    utilities = gains / np.maximum(costs + settings.fixed_cost_steps, LEAST_STEPS)
     place, heading = np.unravel_index(int(utilities.argmax()), utilities.shape)
     best = View(
         position_xz=positions_xz[place],

@@ -108,7 +108,8 @@ class FrontierGoalWrapper(GoalWrapper):
         preset: One of `PRESETS`.
         seed: Seeds what is drawn.
         settings: Effective settings instead of the preset's.
-        source: The map that is searched where the settings say `predicted`.
+        source: The map that is searched where the settings say `predicted`. It belongs to this episode's
+            environment alone, so `spec` does not hold it.
 
     Raises:
         ValueError: If the preset is unknown, or a source is missing or not asked for.
@@ -132,8 +133,7 @@ class FrontierGoalWrapper(GoalWrapper):
         settings: FrontierSettings | None = None,
         source: FloorSource | None = None,
     ) -> None:
-        own: dict[str, Any] = {} if source is None else {"source": source}
-        RecordConstructorArgs.__init__(self, preset=preset, seed=seed, settings=settings, **own)
+        RecordConstructorArgs.__init__(self, preset=preset, seed=seed, settings=settings)
         if preset not in PRESETS:
             raise ValueError(
                 f"unknown frontier preset {preset!r}; choose one of: {', '.join(sorted(PRESETS))}"

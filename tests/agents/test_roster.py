@@ -2,6 +2,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from gymnasium.error import ResetNeeded
 from gymnasium.wrappers import TimeLimit
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.monitor import Monitor
@@ -111,6 +112,8 @@ def test_oracle_covers_most_of_a_room_in_forty_steps(
 ) -> None:
     monkeypatch.setenv("ANM_CACHE", str(tmp_path))
     agent = build_agent("oracle_coverage", explore(box_room(), start=(0.0, 0.0, 0.0)), seed=0)
+    with pytest.raises(ResetNeeded, match="nothing is covered yet; call `reset` first"):
+        _ = agent.env.get_wrapper_attr("covered_pct")
     observation, _ = agent.env.reset(seed=0)
     reasons = {agent.env.goal.reason}  # type: ignore[attr-defined]
     for step in range(40):

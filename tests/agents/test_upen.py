@@ -37,10 +37,15 @@ def upen(
     return build
 
 
-def test_own_predictors_come_back_with_the_environment(upen) -> None:
-    env = upen()
-    assert isinstance(env, UpenGoalWrapper)
-    assert env._saved_kwargs["ensemble"].identity == env.predictor
+def test_own_predictors_come_back_with_the_environment(guessing: Callable[..., Ensemble]) -> None:
+    ensemble = guessing(FREE, VOID)
+    env = UpenGoalWrapper(
+        gymnasium.make("anm_gym:ANM/Explore-v0", scene="home:studio:0"), settings=QUICK, ensemble=ensemble
+    )
+    assert env.spec is not None
+    again = gymnasium.make(env.spec)
+    assert again.get_wrapper_attr("predictor") == ensemble.identity
+    again.reset(seed=0)
 
 
 def test_nothing_is_predicted_before_an_episode(upen) -> None:

@@ -131,7 +131,8 @@ def test_attributes_are_read_and_set_as_in_gymnasium_s_own_vectors(rooms: str) -
         env.reset(seed=3)
         env.set_attr("label", ["a", "b"])
         goals = [np.asarray(goal).tolist() for goal in env.get_attr("goal_xz")]
-        read.append((goals, env.get_attr("label"), env.call("path_length_m"), env.call("action_of", 1)))
+        called = env.call("action_of", 1), env.get_attr("close")
+        read.append((goals, env.get_attr("label"), env.call("path_length_m"), called))
         with pytest.raises(ValueError, match=r"`?[Vv]alues`?"):
             env.set_attr("label", ["a", "b", "c"])
     assert read[0] == read[1]

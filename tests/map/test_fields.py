@@ -57,5 +57,5 @@ def test_odd_number_of_layers_is_refused() -> None:
         FieldSettings(hidden_layers=5)
     with pytest.raises(ValueError, match=r"`dropout` must be in \[0, 1\), got 1.0"):
         FieldSettings(dropout=1.0)
-    with pytest.raises(ValueError, match="`width` and `octaves` must be >= 1"):
+    with pytest.raises(ValueError, match="`width` must be >= 1, got 0"):
         FieldSettings(width=0)

@@ -93,5 +93,5 @@ def test_no_view_gives_no_choice(half_room: NeuralMap) -> None:
 
 
 def test_more_than_all_cannot_be_kept() -> None:
-    with pytest.raises(ValueError, match=r"`keep_share` must be at most 1, got 1\.5"):
+    with pytest.raises(ValueError, match=r"`keep_share` must be in \[0, 1\], got 1\.5"):
         replace(SETTINGS, keep_share=1.5)

@@ -99,6 +99,15 @@ def test_view_that_cannot_be_reached_is_worth_nothing() -> None:
     assert rank_views(positions, gains, costs, SETTINGS)[0].utility == 0.0
 
 
+def test_view_from_where_the_agent_stands_may_be_free() -> None:
+    settings = ViewSettings(fixed_cost_steps=0.0)
+    positions, gains, costs = np.zeros((2, 2)), np.zeros((2, 36)), np.zeros((2, 36))
+    gains[1, 4], costs[1] = 5.0, 3.0
+    best, utilities = rank_views(positions, gains, costs, settings)
+    assert best.utility == pytest.approx(5.0 / 3.0) == utilities.max()
+    assert np.isfinite(utilities).all()
+
+
 def test_rays_have_fewer_samples_than_a_wall_costs() -> None:
     with pytest.raises(ValueError, match="`ray_step_m` must be more than `max_range_m` / 4095"):
         ViewSettings(max_range_m=5.0, ray_step_m=0.001)

@@ -1,7 +1,6 @@
 from collections.abc import Callable
 from dataclasses import replace
 
-import gymnasium
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -140,16 +139,6 @@ def test_frontiers_of_another_map_take_the_place_of_the_own_ones(
     assert (source.episodes, source.frames) == (1, 2)
     assert env.goal.reason == "frontier"
     assert env.goal.position_xz == pytest.approx((-2.0 + 3.9, 0.0), abs=0.06)
-
-
-def test_environment_made_again_from_its_spec_searches_the_same_map() -> None:
-    source = EastIsFree()
-    env = gymnasium.make("anm_gym:ANM/Explore-v0", scene="home:studio:0")
-    env = FrontierGoalWrapper(env, settings=PREDICTED, source=source)
-    assert env.spec is not None
-    again = gymnasium.make(env.spec)
-    again.reset(seed=0)
-    assert again.get_wrapper_attr("map_identity") == source.identity
 
 
 def test_source_and_map_source_go_together(explore: Explore, two_rooms: TriangleMesh) -> None:

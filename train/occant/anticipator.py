@@ -12,6 +12,7 @@ from torch.nn import functional
 from agents.layout_memory import EXPLORED, OCCUPIED
 from agents.occant_model import Anticipator, OccAntSettings, new_anticipator_net
 from agents.occupancy_net import channels_last
+from anm_gym.checks import check_at_least, check_positive, check_share
 from train.batch_learning import BatchLearner
 from train.occant.frames import Frames, as_arrays
 
@@ -40,8 +41,9 @@ class AnticipatorLearning:
     """Whether every second frame is mirrored, left to right."""
 
     def __post_init__(self) -> None:
-        if self.passes < 1 or self.batch < 1:
-            raise ValueError(f"`passes` and `batch` must be >= 1, got {self.passes} and {self.batch}")
+        check_at_least(self, 1, "passes", "batch")
+        check_positive(self, "learning_rate", "max_gradient")
+        check_share(self, "last_rate_share")
 
     @property
     def num_batches(self) -> int:

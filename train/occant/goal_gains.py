@@ -18,6 +18,7 @@ from tqdm import tqdm
 from agents.goal_net import GoalNet
 from agents.layout_memory import VIEW_CHANNELS
 from agents.occant_model import OccAntSettings, new_goal_net
+from anm_gym.checks import check_at_least, check_positive
 from train.batch_learning import BatchLearner
 from train.kept_arrays import kept
 from train.occant.goal_policy import GoalValueNet
@@ -44,11 +45,9 @@ class GainLearning:
     """How much likelier, in logits, a goal is made that is worth a square metre more."""
 
     def __post_init__(self) -> None:
-        if self.episodes < 0 or min(self.passes, self.batch) < 1:
-            raise ValueError(
-                "`episodes` must be >= 0, `passes` and `batch` >= 1, "
-                f"got {self.episodes}, {self.passes} and {self.batch}"
-            )
+        check_at_least(self, 0, "episodes", "logit_per_m2")
+        check_at_least(self, 1, "passes", "batch")
+        check_positive(self, "learning_rate")
 
     @property
     def num_batches(self) -> int:

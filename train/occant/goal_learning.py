@@ -18,6 +18,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 
 from agents.goal_net import GoalNet
 from agents.occant_model import OccAntSettings, new_goal_net
+from anm_gym.checks import check_at_least, check_positive, check_share
 from train.occant.goal_policy import GoalPolicy
 from train.occant.twin import REWARD_PER_M2, Anticipator, OccAntTwinEnv, TwinSettings
 from train.occant.twin_world import TwinWorld
@@ -58,11 +59,10 @@ class GoalLearning:
     """Norm at which gradients are cut."""
 
     def __post_init__(self) -> None:
-        if min(self.updates, self.envs, self.epochs, self.minibatches) < 1:
-            raise ValueError(
-                "`updates`, `envs`, `epochs` and `minibatches` must be >= 1, "
-                f"got {self.updates}, {self.envs}, {self.epochs} and {self.minibatches}"
-            )
+        check_at_least(self, 1, "updates", "envs", "epochs", "minibatches")
+        check_at_least(self, 0, "value_updates", "entropy")
+        check_positive(self, "learning_rate", "clip", "max_gradient")
+        check_share(self, "gamma", "gae_lambda")
 
 
 @final

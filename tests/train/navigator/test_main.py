@@ -86,8 +86,8 @@ def test_options_that_would_do_nothing_are_refused(
     ("arguments", "message"),
     [
         (["--agents", "6"], "`num_agents` must be a multiple of `reinforcement.minibatches`, got 6 and 4"),
-        (["--agents", "0"], "`num_agents`, `evaluation_every` and `evaluation_episodes` must be >= 1, got 0"),
-        (["--imitation-frames", "-5"], "`frames` and `teacher_frames` must be >= 0, got -5"),
+        (["--agents", "0"], "`num_agents` must be >= 1, got 0"),
+        (["--imitation-frames", "-5"], "`frames` must be >= 0, got -5"),
         (["--reinforcement-frames", "40000"], "`reinforcement.frames` must leave a rollout for the actor"),
         (["--device", "abacus"], "`device` must be one that torch knows"),
         (["--backend", "pencil"], "unknown backend 'pencil'; choose one of: embree, warp"),

@@ -70,5 +70,5 @@ def test_killed_learner_goes_on_bit_for_bit(tmp_path: Path, frames: Frames) -> N
 
 
 def test_learning_needs_frames() -> None:
-    with pytest.raises(ValueError, match="`passes` and `batch` must be >= 1, got 0 and 32"):
+    with pytest.raises(ValueError, match="`passes` must be >= 1, got 0"):
         AnticipatorLearning(passes=0)

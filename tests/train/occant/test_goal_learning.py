@@ -96,5 +96,5 @@ def test_coverage_tells_a_good_chooser_from_a_bad_one(twin_rooms: TwinWorld) -> 
 
 
 def test_at_least_one_update_is_needed() -> None:
-    with pytest.raises(ValueError, match="`updates`, `envs`, `epochs` and `minibatches` must be >= 1"):
+    with pytest.raises(ValueError, match="` must be >= 1, got 0"):
         GoalLearning(updates=0)

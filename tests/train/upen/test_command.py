@@ -110,7 +110,7 @@ def test_folder_of_another_run_is_refused(tmp_path: Path) -> None:
     ("given", "message"),
     [
         (["--net", "foo"], "`net` must be one of plain, residual, got 'foo'"),
-        (["--width", "0"], "`width` and `members` must be >= 1, got 0 and 2"),
+        (["--width", "0"], "`width` must be >= 1, got 0"),
     ],
 )
 def test_wrong_network_is_refused_before_it_claims_the_folder(

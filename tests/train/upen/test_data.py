@@ -115,7 +115,7 @@ def test_crops_that_were_kept_are_read_again(crops: Crops, tmp_path: Path) -> No
     ("options", "message"),
     [
         ({"min_steps": 200}, r"`min_steps` must be in \[1, max_steps\], got 200 of 120"),
-        ({"crop_every": 0}, "`crops_per_home` and `crop_every` must be >= 1, got 60 and 0"),
+        ({"crop_every": 0}, "`crop_every` must be >= 1, got 0"),
     ],
 )
 def test_senseless_settings_are_refused(options: dict[str, int], message: str) -> None:

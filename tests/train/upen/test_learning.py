@@ -99,7 +99,7 @@ def test_overlapping_members_learn_from_seventy_per_cent_each() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"passes": 0}, "`passes` and `batch` must be >= 1, got 0 and 16"),
+        ({"passes": 0}, "`passes` must be >= 1, got 0"),
         ({"share": 0.0}, r"`share` must be in \(0, 1\], got 0\.0"),
     ],
 )
