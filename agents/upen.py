@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any, Final, final
+from typing import Final, final
 
 import gymnasium
 import numpy as np
@@ -117,9 +117,8 @@ class UpenGoalWrapper(GoalWrapper):
         settings: UpenSettings | None = None,
         ensemble: Ensemble | None = None,
     ) -> None:
-        own: dict[str, Any] = {} if ensemble is None else {"ensemble": ensemble}
         RecordConstructorArgs.__init__(
-            self, preset=preset, seed=seed, settings=settings, _disable_deepcopy=True, **own
+            self, preset=preset, seed=seed, settings=settings, ensemble=ensemble, _disable_deepcopy=True
         )
         if preset not in PRESETS:
             raise ValueError(f"unknown UPEN preset {preset!r}; choose one of: {', '.join(sorted(PRESETS))}")

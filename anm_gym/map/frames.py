@@ -154,15 +154,15 @@ class FrameStore:
         return (rays[seen] * depth[seen]) @ pose[:3, :3].T + pose[:3, 3]
 
     def state(self) -> dict[str, Tensor]:
-        """Tensors from which `load_state` restores the store."""
+        """The store's own tensors, not copies, from which `load_state` restores another."""
         return {
-            "depths": self._depths[: self._count].clone(),
-            "poses": self._poses[: self._count].clone(),
-            "losses": self._losses[: self._count].clone(),
+            "depths": self._depths[: self._count],
+            "poses": self._poses[: self._count],
+            "losses": self._losses[: self._count],
         }
 
     def load_state(self, state: dict[str, Tensor]) -> None:
-        """Restore what `state` returned.
+        """Restore what `state` returned; the tensors become the store's own.
 
         Raises:
             MapError: If the depth images do not fit the camera.
