@@ -11,6 +11,7 @@ from agents.learned_navigator import PLUS, STAR, DDPPONavigator, LearnedSettings
 from agents.navigator import Navigator
 from agents.planning_navigators import OracleNavigator, PlannerNavigator
 from anm_gym.actions import Action
+from anm_gym.checks import check_known
 from anm_gym.wrappers.goal import GoalWrapper
 
 
@@ -48,8 +49,7 @@ def make_navigator(name: str, env: gymnasium.Env[Any, Any], seed: int = 0) -> Na
         TypeError: If the environment is not under a `GoalWrapper`.
         PolicyError: If the weights of a learned one cannot be read.
     """
-    if name not in NAVIGATORS:
-        raise ValueError(f"unknown navigator {name!r}; choose one of: {', '.join(sorted(NAVIGATORS))}")
+    check_known("navigator", name, NAVIGATORS)
     if not isinstance(env, GoalWrapper):
         raise TypeError(f"`env` must be wrapped in a GoalWrapper, got {type(env).__name__}")
     if not isinstance(env.action_space, spaces.Discrete) or env.action_space.n != len(Action):

@@ -8,7 +8,7 @@ import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
-from anm_gym.checks import check_at_least, check_choices
+from anm_gym.checks import check_at_least, check_choices, check_known
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.map.reach import ReachableSpace, ReachSettings, reachable_space
 from anm_gym.map.unseen_volume import UnseenByCell, UnseenSettings, unseen_by_cell, unseen_volume
@@ -128,13 +128,13 @@ class NbvGoalWrapper(GoalWrapper):
     def __init__(
         self,
         env: gymnasium.Env[Observation, np.int64],
+        *,
         preset: str = "strong",
         seed: int = 0,
         settings: NbvSettings | None = None,
     ) -> None:
         RecordConstructorArgs.__init__(self, preset=preset, seed=seed, settings=settings)
-        if preset not in PRESETS:
-            raise ValueError(f"unknown NBV preset {preset!r}; choose one of: {', '.join(sorted(PRESETS))}")
+        check_known("NBV preset", preset, PRESETS)
         self.settings = settings or PRESETS[preset]
         super().__init__(env, limits=self.settings.limits, seed=seed)
 

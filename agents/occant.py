@@ -13,7 +13,7 @@ from agents.layout_memory import LayoutMemory, points_to_world, start_poses
 from agents.occant_model import OccAntModel, OccAntSettings, load_model
 from agents.weights_identity import WeightsIdentity
 from anm_gym.actions import FORWARD_STEP_M, TURN_STEP_DEG
-from anm_gym.checks import check_at_least, check_positive
+from anm_gym.checks import check_at_least, check_known, check_positive
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.geometry import wrap_angle
 from anm_gym.map.projection import count_hits, project_depth, seen_masks
@@ -94,6 +94,7 @@ class OccAntGoalWrapper(GoalWrapper):
     def __init__(
         self,
         env: gymnasium.Env[Observation, np.int64],
+        *,
         preset: str = "metres",
         seed: int = 0,
         anticipation: bool = True,
@@ -103,8 +104,7 @@ class OccAntGoalWrapper(GoalWrapper):
         RecordConstructorArgs.__init__(
             self, preset=preset, seed=seed, anticipation=anticipation, settings=settings, weights=weights
         )
-        if preset not in PRESETS:
-            raise ValueError(f"unknown OccAnt preset {preset!r}; choose one of: {', '.join(sorted(PRESETS))}")
+        check_known("OccAnt preset", preset, PRESETS)
         self.settings = settings or PRESETS[preset]
         self._model: OccAntModel = load_model(weights or ("occant" if anticipation else "ans"))
         self.model_settings: OccAntSettings = self._model.settings

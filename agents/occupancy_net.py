@@ -11,6 +11,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from anm_gym.checks import check_known
+
 EDGE_MULTIPLE: Final = 16
 """Edges of the rasters must be a multiple of this, as they are halved four times."""
 
@@ -121,8 +123,7 @@ def occupancy_net(name: str, inputs: int, outputs: int, width: int) -> nn.Module
         >>> tuple(net(torch.zeros(1, 3, 80, 80)).shape)
         (1, 3, 80, 80)
     """
-    if name not in OCCUPANCY_NETS:
-        raise ValueError(f"unknown network {name!r}; choose one of: {', '.join(sorted(OCCUPANCY_NETS))}")
+    check_known("network", name, OCCUPANCY_NETS)
     return OCCUPANCY_NETS[name](inputs, outputs, width)
 
 

@@ -33,7 +33,7 @@ class OracleCoverageGoalWrapper(GoalWrapper):
         Ours: greedy maximum coverage with travel cost.
     """
 
-    def __init__(self, env: gymnasium.Env[Observation, np.int64], seed: int = 0) -> None:
+    def __init__(self, env: gymnasium.Env[Observation, np.int64], *, seed: int = 0) -> None:
         RecordConstructorArgs.__init__(self, seed=seed)
         super().__init__(env, limits=LIMITS, seed=seed)
         forward_step_m, turn_step_rad = self.step_sizes

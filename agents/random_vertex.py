@@ -57,6 +57,7 @@ class RandomVertexGoalWrapper(GoalWrapper):
     def __init__(
         self,
         env: gymnasium.Env[Observation, np.int64],
+        *,
         seed: int = 0,
         settings: RandomVertexSettings | None = None,
     ) -> None:

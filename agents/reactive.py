@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from agents.batching import actions_for
 from agents.draws import draws_of
 from anm_gym.actions import FORWARD_STEP_M, MOVES, TURN_STEP_DEG, Action, least_move_m
+from anm_gym.checks import check_known
 
 BUMP_TURN_DEG: Final = (30.0, 180.0)
 """Least and largest turn after a bump, degrees."""
@@ -37,9 +38,7 @@ class RandomPolicy:
     """
 
     def __init__(self, seed: int = 0, preset: str = "uniform") -> None:
-        if preset not in FORWARD_SHARES:
-            known = ", ".join(sorted(FORWARD_SHARES))
-            raise ValueError(f"unknown random preset {preset!r}; choose one of: {known}")
+        check_known("random preset", preset, FORWARD_SHARES)
         self._seed, self._rng = seed, draws_of(seed)
         self._is_uniform, share = preset == "uniform", FORWARD_SHARES[preset]
         self._chances = [share if move is Action.MOVE_FORWARD else 0.5 * (1.0 - share) for move in MOVES]

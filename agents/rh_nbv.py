@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from agents.nbv import REASON, UnseenViews
 from agents.view_tree import Look, LookSettings, ViewTree, best_looks, grow_view_tree
-from anm_gym.checks import check_at_least
+from anm_gym.checks import check_at_least, check_known
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.map.reach import ReachableSpace, ReachSettings, reachable_space
 from anm_gym.map.unseen_volume import UnseenSettings
@@ -102,13 +102,13 @@ class RhNbvGoalWrapper(GoalWrapper):
     def __init__(
         self,
         env: gymnasium.Env[Observation, np.int64],
+        *,
         preset: str = "strong",
         seed: int = 0,
         settings: RhNbvSettings | None = None,
     ) -> None:
         RecordConstructorArgs.__init__(self, preset=preset, seed=seed, settings=settings)
-        if preset not in PRESETS:
-            raise ValueError(f"unknown RH-NBV preset {preset!r}; choose one of: {', '.join(sorted(PRESETS))}")
+        check_known("RH-NBV preset", preset, PRESETS)
         self.settings = settings or PRESETS[preset]
         super().__init__(env, limits=self.settings.limits, seed=seed)
 

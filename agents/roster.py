@@ -17,6 +17,7 @@ from agents.variants import (
     split_variants,
     substitutions,
 )
+from anm_gym.checks import check_known
 
 Env = gymnasium.Env[Any, Any]
 Builder = Callable[[Env, str, int], tuple[Env, Any]]
@@ -58,8 +59,7 @@ def parse_agent(text: str) -> tuple[str, str]:
         ValueError: If the agent, its preset or a variant is unknown, or two variants exclude each other.
     """
     name, _, preset = text.strip().removesuffix(")").replace("(", ":").partition(":")
-    if name not in ROSTER:
-        raise ValueError(f"unknown agent {name!r}; choose one of: {', '.join(sorted(ROSTER))}")
+    check_known("agent", name, ROSTER)
     presets = ROSTER[name].presets
     preset = preset or presets[0]
     base, variants = split_variants(preset, ROSTER[name].variants)

@@ -13,7 +13,7 @@ from scipy import ndimage
 from agents.upen_ensemble import Ensemble, load_ensemble
 from agents.upen_map import PredictedMap, UpenMapSettings
 from agents.upen_paths import PathSettings, candidates, node_scores
-from anm_gym.checks import check_at_least, check_positive
+from anm_gym.checks import check_at_least, check_known, check_positive
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.map.grid_fusion import FloorPose
 from anm_gym.map.projection import OCCUPIED
@@ -112,6 +112,7 @@ class UpenGoalWrapper(GoalWrapper):
     def __init__(
         self,
         env: gymnasium.Env[Observation, np.int64],
+        *,
         preset: str = "strong",
         seed: int = 0,
         settings: UpenSettings | None = None,
@@ -120,8 +121,7 @@ class UpenGoalWrapper(GoalWrapper):
         RecordConstructorArgs.__init__(
             self, preset=preset, seed=seed, settings=settings, ensemble=ensemble, _disable_deepcopy=True
         )
-        if preset not in PRESETS:
-            raise ValueError(f"unknown UPEN preset {preset!r}; choose one of: {', '.join(sorted(PRESETS))}")
+        check_known("UPEN preset", preset, PRESETS)
         self.settings = settings or PRESETS[preset]
         self._ensemble = ensemble or shipped_ensemble()
         self.predictor = self._ensemble.identity

@@ -8,7 +8,7 @@ import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
-from anm_gym.checks import check_at_least, check_share
+from anm_gym.checks import check_at_least, check_known, check_share
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.geometry import wrap_angle
 from anm_gym.map.neural_map import NeuralMap
@@ -107,15 +107,13 @@ class VoronoiGoalWrapper(GoalWrapper):
     def __init__(
         self,
         env: gymnasium.Env[Observation, np.int64],
+        *,
         preset: str = "best",
         seed: int = 0,
         settings: VoronoiGoalSettings | None = None,
     ) -> None:
         RecordConstructorArgs.__init__(self, preset=preset, seed=seed, settings=settings)
-        if preset not in PRESETS:
-            raise ValueError(
-                f"unknown Voronoi preset {preset!r}; choose one of: {', '.join(sorted(PRESETS))}"
-            )
+        check_known("Voronoi preset", preset, PRESETS)
         if not env.has_wrapper_attr("neural_map"):
             raise ValueError("`env` must have a neural map; wrap it in NeuralMapWrapper first")
         self.settings = settings or PRESETS[preset]

@@ -1,5 +1,6 @@
 """Checks that settings share: a misspelled choice must not run something else."""
 
+from collections.abc import Collection
 from functools import cache
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
@@ -25,6 +26,21 @@ def _choices_of(kind: type) -> dict[str, tuple[Any, ...]]:
     """The allowed values of each field that has a `Literal`; kept, as settings are made while maps learn."""
     hints = get_type_hints(kind)
     return {name: get_args(hint) for name, hint in hints.items() if get_origin(hint) is Literal}
+
+
+def check_known(kind: str, name: str, known: Collection[str]) -> None:
+    """Refuse a name that there is not.
+
+    Args:
+        kind: What the name is of, such as "map preset".
+        name: The name.
+        known: Those that there are.
+
+    Raises:
+        ValueError: If it is none of them; the message lists them.
+    """
+    if name not in known:
+        raise ValueError(f"unknown {kind} {name!r}; choose one of: {', '.join(known)}")
 
 
 def check_at_least(settings: Any, low: float, *names: str) -> None:

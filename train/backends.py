@@ -12,6 +12,7 @@ from inspect import signature
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
+from anm_gym.checks import check_known
 from anm_gym.errors import BackendError
 from anm_gym.scenes.datasets import ROOT_VARIABLE
 from train.pool import prepare_worker, run_jobs
@@ -43,8 +44,7 @@ class Backend:
     """Where Slurm's tasks find their jobs and leave their logs; on a file system that all nodes share."""
 
     def __post_init__(self) -> None:
-        if self.name not in BACKENDS:
-            raise ValueError(f"unknown backend {self.name!r}; choose one of: {', '.join(BACKENDS)}")
+        check_known("backend", self.name, BACKENDS)
         if self.name == "loky" and self.options:
             raise ValueError(f"`options` must be empty for the backend loky, got {', '.join(self.options)}")
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
+from anm_gym.checks import check_known
 from anm_gym.errors import SceneError
 from anm_gym.scenes.datasets import ROOT_VARIABLE, find_scene, is_dataset_scene
 from anm_gym.scenes.reading import SUFFIXES
@@ -126,8 +127,7 @@ def make_protocol(name: str, root: str | Path | None = None) -> Protocol:
     """
     if name == OPEN_SCENES:
         return _open_scenes(root)
-    if name not in _FIXED:
-        raise ValueError(f"unknown protocol {name!r}; choose one of: {', '.join(PROTOCOLS)}")
+    check_known("protocol", name, PROTOCOLS)
     return Protocol(name, name, _FIXED[name]())
 
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Final, get_args
 
+from anm_gym.checks import check_known
 from anm_gym.map.settings import (
     FieldSettings,
     GridSettings,
@@ -120,11 +121,9 @@ def map_settings(preset: str) -> MapSettings:
         ValueError: If there is no such preset or variant.
     """
     base, *variants = preset.split("+")
-    if base not in PRESETS:
-        raise ValueError(f"unknown map preset {base!r}; choose one of: {', '.join(sorted(PRESETS))}")
+    check_known("map preset", base, PRESETS)
     settings = PRESETS[base]
     for variant in variants:
-        if variant not in VARIANTS:
-            raise ValueError(f"unknown variant {variant!r}; choose one of: {', '.join(sorted(VARIANTS))}")
+        check_known("variant", variant, VARIANTS)
         settings = VARIANTS[variant](settings)
     return replace(settings, preset=preset)

@@ -8,7 +8,7 @@ import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
-from anm_gym.checks import check_at_least, check_choices, check_positive
+from anm_gym.checks import check_at_least, check_choices, check_known, check_positive
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.geometry import heading_towards, wrap_angle
 from anm_gym.map.frontier import Frontier, find_frontiers
@@ -128,16 +128,14 @@ class FrontierGoalWrapper(GoalWrapper):
     def __init__(
         self,
         env: gymnasium.Env[Observation, np.int64],
+        *,
         preset: str = "strong",
         seed: int = 0,
         settings: FrontierSettings | None = None,
         source: FloorSource | None = None,
     ) -> None:
         RecordConstructorArgs.__init__(self, preset=preset, seed=seed, settings=settings)
-        if preset not in PRESETS:
-            raise ValueError(
-                f"unknown frontier preset {preset!r}; choose one of: {', '.join(sorted(PRESETS))}"
-            )
+        check_known("frontier preset", preset, PRESETS)
         self.settings = settings or PRESETS[preset]
         if (source is not None) != (self.settings.map_source == "predicted"):
             raise ValueError(f"`source` must be given for a predicted map and for no other, got {source}")

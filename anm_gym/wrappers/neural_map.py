@@ -57,6 +57,7 @@ class NeuralMapWrapper(
     def __init__(
         self,
         env: gymnasium.Env[Observation, np.int64],
+        *,
         preset: str = "best",
         seed: int = 0,
         device: str = "cpu",

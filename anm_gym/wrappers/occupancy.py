@@ -42,7 +42,7 @@ class OccupancyWrapper(
     - v0: first version.
     """
 
-    def __init__(self, env: gymnasium.Env[Observation, np.int64], cell_m: float = 0.1) -> None:
+    def __init__(self, env: gymnasium.Env[Observation, np.int64], *, cell_m: float = 0.1) -> None:
         RecordConstructorArgs.__init__(self, cell_m=cell_m)
         super().__init__(env)
         require_exploration(env)

@@ -7,7 +7,7 @@ import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
-from anm_gym.checks import check_at_least
+from anm_gym.checks import check_at_least, check_known
 from anm_gym.envs.mesh_env import Observation
 from anm_gym.map.neural_map import NeuralMap
 from anm_gym.map.targets import (
@@ -72,6 +72,7 @@ class VariabilityGoalWrapper(GoalWrapper):
     def __init__(
         self,
         env: gymnasium.Env[Observation, np.int64],
+        *,
         preset: str = "best",
         seed: int = 0,
         targets: TargetSettings | None = None,
@@ -80,8 +81,7 @@ class VariabilityGoalWrapper(GoalWrapper):
         RecordConstructorArgs.__init__(self, preset=preset, seed=seed, targets=targets, planning=planning)
         choices = [*CLUSTER_PRESETS, *VIEW_PRESETS]
         base = preset.partition("+")[0]
-        if base not in choices:
-            raise ValueError(f"unknown goal preset {preset!r}; choose one of: {', '.join(sorted(choices))}")
+        check_known("goal preset", base, choices)
         if not env.has_wrapper_attr("neural_map"):
             raise ValueError("`env` must have a neural map; wrap it in NeuralMapWrapper first")
         self.targets = targets or CLUSTER_PRESETS.get(base)

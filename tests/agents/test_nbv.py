@@ -118,7 +118,7 @@ def test_same_seed_proposes_the_same_views(explore: Explore, two_rooms: Triangle
 
 
 def test_unknown_preset_lists_the_choices(explore: Explore, two_rooms: TriangleMesh) -> None:
-    with pytest.raises(ValueError, match="unknown NBV preset 'weak'; choose one of: exponential, strong"):
+    with pytest.raises(ValueError, match="unknown NBV preset 'weak'; choose one of: strong, exponential"):
         NbvGoalWrapper(explore(two_rooms), preset="weak")
 
 

@@ -233,7 +233,7 @@ def test_weights_must_fit_the_anticipation(explore: Explore, two_rooms: Triangle
 
 
 def test_unknown_preset_lists_the_choices(explore: Explore, two_rooms: TriangleMesh) -> None:
-    with pytest.raises(ValueError, match="unknown OccAnt preset 'weak'; choose one of: metres, steps"):
+    with pytest.raises(ValueError, match="unknown OccAnt preset 'weak'; choose one of: steps, metres"):
         OccAntGoalWrapper(explore(two_rooms), preset="weak")
 
 

@@ -58,7 +58,7 @@ def test_odd_raster_is_refused() -> None:
 
 
 def test_unknown_network_lists_the_choices() -> None:
-    with pytest.raises(ValueError, match="unknown network 'vit'; choose one of: plain, residual"):
+    with pytest.raises(ValueError, match="unknown network 'vit'; choose one of: residual, plain"):
         occupancy_net("vit", 3, 3, 8)
 
 

@@ -90,7 +90,7 @@ def test_forward_preset_mostly_walks_and_turns_both_ways_alike() -> None:
 
 
 def test_unknown_random_preset_lists_the_choices() -> None:
-    with pytest.raises(ValueError, match="unknown random preset 'lazy'; choose one of: forward, uniform"):
+    with pytest.raises(ValueError, match="unknown random preset 'lazy'; choose one of: uniform, forward"):
         RandomPolicy(preset="lazy")
 
 

@@ -170,5 +170,5 @@ def test_same_seed_proposes_the_same_goals(explore: Explore, two_rooms: Triangle
 
 
 def test_unknown_preset_lists_the_choices(explore: Explore, two_rooms: TriangleMesh) -> None:
-    with pytest.raises(ValueError, match="unknown RH-NBV preset 'weak'; choose one of: paper, strong"):
+    with pytest.raises(ValueError, match="unknown RH-NBV preset 'weak'; choose one of: strong, paper"):
         RhNbvGoalWrapper(explore(two_rooms), preset="weak")

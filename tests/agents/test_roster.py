@@ -43,7 +43,7 @@ def test_agent_is_spelled_with_or_without_its_preset(text: str, expected: tuple[
 
 
 def test_unknown_agent_lists_the_choices() -> None:
-    with pytest.raises(ValueError, match="unknown agent 'fbo'; choose one of: anm, ans, bump_and_turn, "):
+    with pytest.raises(ValueError, match="unknown agent 'fbo'; choose one of: random, bump_and_turn, "):
         parse_agent("fbo")
 
 

@@ -141,7 +141,7 @@ def test_unknown_preset_lists_the_choices(
     explore: Explore, two_rooms: TriangleMesh, guessing: Callable[..., Ensemble]
 ) -> None:
     with pytest.raises(
-        ValueError, match="unknown UPEN preset 'best'; choose one of: metres, paper, repo, strong"
+        ValueError, match="unknown UPEN preset 'best'; choose one of: strong, paper, repo, metres"
     ):
         UpenGoalWrapper(explore(two_rooms), preset="best", ensemble=guessing(FREE))
 

@@ -24,7 +24,7 @@ def test_variants_change_what_they_name_and_the_hash() -> None:
 
 def test_unknown_names_are_refused_with_the_choices() -> None:
     with pytest.raises(
-        ValueError, match="unknown map preset 'slow'; choose one of: best, fast, paper, released"
+        ValueError, match="unknown map preset 'slow'; choose one of: paper, released, fast, best"
     ):
         map_settings("slow")
     with pytest.raises(ValueError, match="unknown variant 'gelu'; choose one of: delta_norm, delta_weight"):

@@ -3,6 +3,7 @@
 import os
 from dataclasses import asdict, dataclass, replace
 
+from anm_gym.checks import check_known
 from anm_gym.map.numerics import usable_device
 from anm_gym.sim.backends import BACKENDS
 
@@ -18,8 +19,7 @@ class Hardware:
 
     def __post_init__(self) -> None:
         usable_device(self.device)
-        if self.backend not in BACKENDS:
-            raise ValueError(f"unknown backend {self.backend!r}; choose one of: {', '.join(BACKENDS)}")
+        check_known("backend", self.backend, BACKENDS)
 
     def of_process(self) -> "Hardware":
         """Give each process that `torchrun` starts on a machine a GPU of its own, where none is named.

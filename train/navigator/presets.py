@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, field, is_dataclass, replace
 from typing import Any, Final
 
 from agents.navigator_net import NavigatorNetSettings
-from anm_gym.checks import check_at_least
+from anm_gym.checks import check_at_least, check_known
 from train.navigator.dagger import DaggerSettings
 from train.navigator.env import DomainSettings
 from train.navigator.ppo import PpoSettings
@@ -138,9 +138,8 @@ def training_of(
         ValueError: If preset or variant is unknown, frames are given twice, or the settings do not fit
             together.
     """
-    for name, value, known in (("preset", preset, PRESETS), ("variant", variant, VARIANTS)):
-        if value not in known:
-            raise ValueError(f"unknown {name} {value!r}; choose one of: {', '.join(known)}")
+    check_known("preset", preset, PRESETS)
+    check_known("variant", variant, VARIANTS)
     wanted = dict(changes or {})
     for stage, frames in (("imitation", imitation_frames), ("reinforcement", reinforcement_frames)):
         if frames is None:

@@ -5,6 +5,8 @@ Only numbers and names; how a programme becomes a plan is the business of `layou
 
 from dataclasses import dataclass
 
+from anm_gym.checks import check_known
+
 CORRIDOR = "corridor"
 """Kind of the strips that `layout` puts between rooms."""
 VOID = "void"
@@ -120,6 +122,5 @@ def tier_spec(tier: str) -> TierSpec:
     Raises:
         ValueError: If there is no such tier.
     """
-    if tier not in TIERS:
-        raise ValueError(f"unknown tier {tier!r}; choose one of: {', '.join(TIERS)}")
+    check_known("tier", tier, TIERS)
     return TIERS[tier]

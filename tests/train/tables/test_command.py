@@ -223,7 +223,7 @@ def test_table_one_has_the_rivals_and_table_two_the_modules():
 @pytest.mark.parametrize(
     ("agent", "message"),
     [
-        ("nobody", "unknown agent 'nobody'; choose one of: anm, ans, "),
+        ("nobody", "unknown agent 'nobody'; choose one of: random, "),
         ("anm:nope", "unknown preset 'nope' of agent 'anm'; choose one of: best, fast, paper, released"),
         ("anm:best+dropuot", "unknown variant 'dropuot' of agent 'anm'; choose one of: "),
     ],
