@@ -27,5 +27,5 @@ def test_unknown_names_are_refused_with_the_choices() -> None:
         ValueError, match="unknown map preset 'slow'; choose one of: paper, released, fast, best"
     ):
         map_settings("slow")
-    with pytest.raises(ValueError, match="unknown variant 'gelu'; choose one of: delta_norm, delta_weight"):
+    with pytest.raises(ValueError, match="unknown variant 'gelu'; choose one of: unit_norm, delta_norm"):
         map_settings("best+gelu")
