@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
-from anm_gym.checks import check_at_least
+from anm_gym.checks import check_at_least, check_positive
 from anm_gym.map.occupancy import clearance_of
 from anm_gym.sim.geodesic import GridGraph, nearest_free_cell
 from anm_gym.sim.grid import GridFrame
@@ -36,7 +36,9 @@ class CostSettings:
     """The search covers agent and goal with this margin first, then the whole floor, metres."""
 
     def __post_init__(self) -> None:
-        check_at_least(self, 0.0, "radius_m", "comfort_m", "tightness_cost", "escape_m", "margin_m")
+        check_at_least(self, 0.0, "radius_m", "escape_m", "margin_m")
+        check_at_least(self, 1.0, "tightness_cost")
+        check_positive(self, "comfort_m")
         if self.unknown_cost is not None:
             check_at_least(self, 0.0, "unknown_cost")
 

@@ -105,9 +105,9 @@ class DDPPONavigator(Navigator):
     def _take_up(self, goal: Goal) -> None:
         self._goal, self._is_handed_over = goal, False
         self._nearest_m = np.inf
+        self._observer.begin_goal(0, shows_start=self.settings.resets_memory)
         if self.settings.resets_memory:
             self._policy.begin(0)
-            self._observer.begin_goal(0)
 
     def _count_idle_steps(self) -> None:
         """Count the steps without coming nearer to a goal under way."""

@@ -72,10 +72,15 @@ class NavigationObserver:
         self._reflexes.begin(index)
         self._actions[index], self._is_start[index] = NUM_PREVIOUS - 1, True
 
-    def begin_goal(self, index: int) -> None:
-        """Show the network a start, but forget nothing that was seen or touched: the place is the same."""
+    def begin_goal(self, index: int, *, shows_start: bool = True) -> None:
+        """Forget nothing that was seen or touched at a new goal, as the place is the same.
+
+        Args:
+            index: Whose goal it is.
+            shows_start: Whether the network is shown the start of an episode.
+        """
         self._reflexes.begin_goal(index)
-        self._is_start[index] = True
+        self._is_start[index] |= shows_start
 
     def keep(self, agents: Sequence[int]) -> None:
         """Go on with some of the agents only, in the order given."""

@@ -10,7 +10,7 @@ from anm_gym.envs.mesh_env import MeshEnv, Observation
 from anm_gym.metrics.oracle import GoalPose, GreedyCoverage, OracleSettings
 from anm_gym.metrics.table_cache import load_view_table
 from anm_gym.registration import EXPLORE_STEPS
-from anm_gym.sim.simulator import Simulator
+from anm_gym.scenes.scene import Scene
 from anm_gym.wrappers.goal import Goal, GoalLimits, GoalWrapper
 
 LIMITS: Final = GoalLimits(arrival_m=0.15, timeout_steps=400, review_steps=25)
@@ -35,23 +35,28 @@ class OracleCoverageGoalWrapper(GoalWrapper):
 
     def __init__(self, env: gymnasium.Env[Observation, np.int64], *, seed: int = 0) -> None:
         RecordConstructorArgs.__init__(self, seed=seed)
+        if not isinstance(env.unwrapped, MeshEnv):
+            raise TypeError(
+                "`env` must be made of an environment of this suite, as the oracle reads its mesh, got "
+                f"{type(env.unwrapped).__name__}"
+            )
         super().__init__(env, limits=LIMITS, seed=seed)
         forward_step_m, turn_step_rad = self.step_sizes
         self.coverage = OracleSettings(forward_step_m=forward_step_m, turn_step_rad=turn_step_rad)
-        self._simulator: Simulator | None = None
+        self._scene: Scene | None = None
 
     @property
     def covered_pct(self) -> float:
         """Share of the surface that can be seen which the frames of the episode covered, per cent."""
-        if self._simulator is None:
+        if self._scene is None:
             raise gymnasium.error.ResetNeeded("nothing is covered yet; call `reset` first")
         return self._planner.covered_pct
 
     def _begin_episode(self) -> None:
         env = self.env.unwrapped
         assert isinstance(env, MeshEnv)
-        if env.simulator is not self._simulator:
-            self._simulator = env.simulator
+        if env.scene is not self._scene:
+            self._scene = env.scene
             table = load_view_table(env.scene.storey_mesh, env.simulator)
             self._planner = GreedyCoverage(
                 table, env.simulator.grid, self.coverage, horizon_steps=self._horizon_steps()

@@ -53,6 +53,8 @@ class PlanningNavigator(Navigator):
         seed: Seeds the random moves of an agent that has nowhere to go.
     """
 
+    _last: Action | None
+
     def __init__(
         self, env: GoalWrapper, costs: CostSettings, settings: FollowSettings | None = None, seed: int = 0
     ) -> None:
@@ -61,6 +63,7 @@ class PlanningNavigator(Navigator):
 
     def begin_goal(self) -> None:
         """Start afresh for the current goal: another navigator has driven so far."""
+        self._last = None  # what it did before has no say in where the agent stands now
         self._take_up(self.env.goal)
 
     @abstractmethod
@@ -70,7 +73,7 @@ class PlanningNavigator(Navigator):
     def _forget(self) -> None:
         self._rollouts = RolloutSettings(*self.env.step_sizes)
         self._rng = np.random.default_rng(self._seed)
-        self._last: Action | None = None
+        self._last = None
         self._last_xz = np.full(2, np.inf)
         self._blocked_rad: list[float] = []
         self._take_up(None)

@@ -37,6 +37,7 @@ class ViewFeatures(BaseFeaturesExtractor):
         super().__init__(observation_space, features_dim)
         self.images = nn.ModuleDict()
         size = 0
+        self._keys = tuple(observation_space.spaces)  # an observation may have them in another order
         for key, space in observation_space.spaces.items():
             assert space.shape is not None
             if is_image_space(space):
@@ -54,7 +55,8 @@ class ViewFeatures(BaseFeaturesExtractor):
     def forward(self, observations: dict[str, Tensor]) -> Tensor:
         """Make (N, features_dim) features; images come as floats from 0 to 1."""
         parts = []
-        for key, value in observations.items():
+        for key in self._keys:
+            value = observations[key]
             if key in self.images:
                 parts.append(self.images[key](value))
             else:

@@ -21,6 +21,8 @@ from anm_gym.wrappers.goal import Goal, GoalLimits, GoalWrapper
 
 REASON: Final = "vertex"
 LIMITS: Final = GoalLimits(arrival_m=0.3, timeout_steps=250, review_steps=10)
+BESIDE_M: Final = 0.5
+"""Vertices nearer than this to the goal under way are no other goals, metres (ours)."""
 """Ours."""
 
 
@@ -168,7 +170,7 @@ class VoronoiGoalWrapper(GoalWrapper):
         if current is not None:
             gaps = np.linalg.norm(positions - current.position_xz, axis=1)
             length_m = lengths_m[gaps.argmin()] + gaps.min()
-            beside = gaps < 0.5 * self.settings.graph.spacing_m
+            beside = gaps < min(0.5 * self.settings.graph.spacing_m, BESIDE_M)
             positions = np.concatenate([current.position_xz[None], positions[~beside]])
             lengths_m = np.append(length_m, lengths_m[~beside])
         return np.concatenate([positions, self.position_xz[None]]), np.append(lengths_m, 0.0)

@@ -12,6 +12,7 @@ from safetensors.torch import save_file
 from torch import Tensor, nn
 
 from anm_gym.errors import PolicyError
+from anm_gym.whole_file import whole_file
 
 WEIGHTS_FOLDER: Final = Path(__file__).parent / "weights"
 """Where the trained weights lie that come with a checkout."""
@@ -32,12 +33,9 @@ class WeightsFormat:
 
     def write(self, path: str | Path, tensors: Mapping[str, Tensor], settings: Mapping[str, Any]) -> None:
         """Write a file, replacing an older one; it appears whole or not at all."""
-        path = Path(path)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial = path.with_name(path.name + ".partial")
         plain = {name: values.detach().cpu().contiguous() for name, values in tensors.items()}
-        save_file(plain, partial, metadata={"format": self.name, "settings": json.dumps(settings)})
-        partial.replace(path)
+        with whole_file(path) as draft:
+            save_file(plain, draft, metadata={"format": self.name, "settings": json.dumps(settings)})
 
     @contextmanager
     def reading(self, path: Path) -> Iterator[tuple[dict[str, Any], dict[str, Tensor]]]:

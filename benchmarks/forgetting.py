@@ -53,7 +53,7 @@ def forget(recording: Recording, preset: str, bar: "tqdm[None]") -> list[Row]:
         zip(recording.depth_m, recording.world_from_camera, strict=True), start=1
     ):
         neural_map.integrate(depth_m, pose)
-        if step >= first and step % every == 0:
+        if step == len(recording) or (step >= first and step % every == 0):
             names = {"preset": preset, "trajectory": recording.name, "step": step}
             rows.append(names | _errors(neural_map, recording, first, step))
         bar.update()

@@ -25,12 +25,15 @@ def parse_seeds(text: str | int | Sequence[str | int]) -> list[int]:
     """Read the seeds: one number N means 0 to N - 1, several numbers are the seeds themselves.
 
     Args:
-        text: "3", "0,1,2", ["0", "1"]; a comma behind a single number makes it the seed: "7,".
+        text: "3", "0,1,2", ["0", "1"]; a comma behind a single number makes it the seed: "7,", as does a
+            list of numbers: [7].
 
     Raises:
         ValueError: If a word is not a whole number of at least 0, or no seed is named.
     """
     joined = str(text) if isinstance(text, str | int) else " ".join(map(str, text))
+    if not isinstance(text, str | int) and any(isinstance(seed, int) for seed in text):
+        joined += ","
     words = split_list(joined)
     are_numbers = bool(words) and all(word.isdecimal() for word in words)
     is_count = len(words) == 1 and "," not in joined

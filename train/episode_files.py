@@ -62,7 +62,7 @@ class Dataset:
             )
         if self.episodes < 1:
             raise ValueError(f"`episodes` must be >= 1, got {self.episodes}")
-        if not self.split or Path(self.split).name != self.split:
+        if self.split in ("", "..") or Path(self.split).name != self.split:
             raise ValueError(f"`split` must be a plain name, got {self.split!r}")
 
     @property

@@ -24,7 +24,7 @@ from train.provenance import (
     versions,
 )
 from train.recorder import EpisodeRecorder, Progress, SimulatorClock, find_attribute
-from train.results import MAP_LEFT_OUT, ROW_FIELDS, SCENE_FILE, Key, Row, row_key
+from train.results import MAP_LEFT_OUT, ROW_FIELDS, SCENE_FILE, Key, Row, row_key, write_json
 from train.runner import EpisodeRecord, run_episode
 from train.scores import MEASURES, make_meter, map_scores, trail_scores
 from train.trajectory import Trajectory
@@ -242,10 +242,14 @@ def _options_of(job: Job) -> dict[str, Any]:
 
 
 def _leave_files(job: Job, episode: Episode) -> Row:
+    """Leave the trajectory, the picture and, once for all episodes of an agent, what its hash stands for."""
+    settings = job.out / "settings" / f"{episode.row['settings_hash']}.json"
+    if not settings.exists():
+        write_json(settings, episode.settings)
     trajectory = Path("episodes") / f"{job.name}.npz"
     episode.trajectory.save(job.out / trajectory)
     if not job.with_pictures:
-        return {"trajectory": str(trajectory)}
+        return {"trajectory": trajectory.as_posix()}
     picture = Path("pictures") / f"{job.name}.png"
     write_topdown(job.out / picture, episode.env, episode.trajectory)
-    return {"trajectory": str(trajectory), "pictures": {"topdown": str(picture)}}
+    return {"trajectory": trajectory.as_posix(), "pictures": {"topdown": picture.as_posix()}}

@@ -13,11 +13,18 @@ from jsonargparse import ActionYesNo, ArgumentParser
 from train.backends import Backend
 from train.command import check_scene_names, parse_seeds, run_command, split_list
 from train.episodes import Job, play, split_agent
-from train.play import DEFAULT_BACKEND, add_backend_options, backend_of, play_missing, report_failures
-from train.provenance import versions
+from train.play import (
+    DEFAULT_BACKEND,
+    ROWS_FILE,
+    add_backend_options,
+    backend_of,
+    play_missing,
+    report_failures,
+    rows_beside,
+)
 from train.quick import STEPS, add_quick_option, env_options, parse_quick
 from train.report import write_report
-from train.results import Row, write_json
+from train.results import Row, read_rows, write_json
 from train.tables.comparison import make_table
 from train.tables.text import format_table, table_as_json
 
@@ -86,7 +93,7 @@ def evaluate(
     Returns:
         The rows of exactly the episodes asked for, in their order.
     """
-    return play_missing(evaluation.jobs(), evaluation.out, backend, play)
+    return play_missing(evaluation.jobs(), evaluation.out, asdict(evaluation), backend, play)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -110,19 +117,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
         with_maps=options.maps,
         with_pictures=options.pictures,
     )
-    write_settings(evaluation)
     rows = evaluate(evaluation, backend_of(options, evaluation.out))
     table = make_table(rows)
     print(format_table(table))
     if options.json:
         write_json(Path(options.json), table_as_json(table))
-    print(f"report: {write_report(evaluation.out, rows, evaluation.out.name)}")
+    whole = rows_beside(rows[0], read_rows(evaluation.out / ROWS_FILE))
+    print(f"report: {write_report(evaluation.out, whole, evaluation.out.name)}")
     report_failures(rows)
-
-
-def write_settings(evaluation: Evaluation) -> None:
-    """Leave the run's own settings beside its rows."""
-    write_json(evaluation.out / "settings.json", {**asdict(evaluation), "versions": versions()})
 
 
 def _parser() -> ArgumentParser:

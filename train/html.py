@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from train.whole_file import write_whole
+from anm_gym.whole_file import write_whole
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,6 @@ def page(title: str, subtitle: str, sections: Iterable[Section]) -> str:
 
 def write_page(path: Path, text: str) -> Path:
     """Write the page as UTF-8, whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_whole(path, text)
     return path
 

@@ -8,6 +8,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load_file, save_file
 
 from anm_gym.errors import PolicyError
+from anm_gym.whole_file import whole_file
 
 ArraysT = TypeVar("ArraysT")
 
@@ -33,8 +34,6 @@ def kept(path: Path | None, kind: Callable[..., ArraysT], gather: Callable[[], A
                 f"the data in {path} must be whole, got {error}; delete it to gather it again"
             ) from error
     gathered = gather()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(path.name + ".partial")
-    save_file(vars(gathered), partial)
-    partial.replace(path)
+    with whole_file(path) as draft:
+        save_file(vars(gathered), draft)
     return gathered

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from anm_gym.geometry import camera_pose, forward_xz
 from anm_gym.sim.grid import GridFrame
 from anm_gym.sim.simulator import Simulator
+from anm_gym.whole_file import whole_file
 from train.attribution import AttributionSettings, stuck_steps
 from train.recorder import find_attribute
 from train.trajectory import Trajectory
@@ -135,8 +136,8 @@ def write_montage(path: Path, env: gym.Env, trajectory: Trajectory, columns: int
 
 def save_picture(path: Path, picture: Image) -> Path:
     """Write an (H, W, 3) RGB picture as PNG."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(cv2.imencode(".png", np.ascontiguousarray(picture[..., ::-1]))[1].tobytes())
+    with whole_file(path) as draft:
+        draft.write_bytes(cv2.imencode(".png", np.ascontiguousarray(picture[..., ::-1]))[1].tobytes())
     return path
 
 

@@ -1,7 +1,7 @@
 """Runs that go on where they stopped: play what has no row yet, on any backend, and name failures."""
 
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -9,10 +9,10 @@ from jsonargparse import ArgumentParser
 from tqdm import tqdm
 
 from train.backends import BACKENDS, Backend, run_on
-from train.episodes import Job, play
+from train.episodes import FREE_PROTOCOL, Job, play
 from train.provenance import check_scene_files, versions
-from train.results import MAP_LEFT_OUT, Row, append_row, finished_keys, read_rows, row_key
-from train.run_folder import hold_folder
+from train.results import MAP_LEFT_OUT, Row, append_row, finished_keys, read_rows, row_key, write_json
+from train.run_folder import SETTINGS_FILE, hold_folder
 from train.tables.comparison import check_comparable
 from train.tables.measures import agent_name
 
@@ -25,6 +25,7 @@ DEFAULT_BACKEND: Final = Backend()
 def play_missing(
     jobs: Sequence[Job],
     out: Path,
+    settings: Mapping[str, Any],
     backend: Backend = DEFAULT_BACKEND,
     play: Callable[[Job], Row] = play,
 ) -> list[Row]:
@@ -33,6 +34,7 @@ def play_missing(
     Args:
         jobs: The episodes; one whose map is to be scored is played again if that was left out.
         out: The run's folder.
+        settings: What was asked for; left beside the rows, with the versions at work.
         backend: Where to play.
         play: Plays one job and returns its row.
 
@@ -44,18 +46,18 @@ def play_missing(
             no table could hold a new row beside those of its protocol (nothing of it is written then), or if
             another process plays into the folder.
     """
+    hold_folder(out)
     path = out / ROWS_FILE
     rows = read_rows(path)
     for root in {job.scenes_root for job in jobs}:
         check_scene_files((job.scene for job in jobs if job.scenes_root == root), rows, path, root)
     finished, scored = finished_keys(rows), finished_keys(row for row in rows if not row.get(MAP_LEFT_OUT))
     missing = [job for job in jobs if job.key not in (scored if job.with_maps else finished)]
-    kept, failed = _rows_beside(missing, rows), list[Row]()
-    if missing:
-        hold_folder(out)
-        versions()  # of the code as it is now: it may change while episodes are played
+    kept, failed = _kept_rows(missing, rows), list[Row]()
+    # The versions are those of the code as it is now: it may change while episodes are played.
+    write_json(out / SETTINGS_FILE, {**settings, "versions": versions()})
     asked = {job.key for job in jobs}
-    _point_out_earlier([row for row in rows if row_key(row) in asked], len(jobs))
+    _point_out_earlier([row for row in kept if row_key(row) in asked], len(jobs))
     bar = tqdm(total=len(jobs), initial=len(jobs) - len(missing), unit="episode", smoothing=0.1)
     with bar:
         for job, row in run_on(backend, play, missing):
@@ -107,7 +109,17 @@ def _point_out_earlier(rows: Sequence[Row], num_jobs: int) -> None:
         )
 
 
-def _rows_beside(missing: Sequence[Job], rows: Iterable[Row]) -> list[Row]:
+def rows_beside(row: Row, rows: Iterable[Row]) -> list[Row]:
+    """The rows that belong into one table with another.
+
+    They are those of its protocol; where the budget is part of no protocol, those of its budget.
+    """
+    is_free = row["protocol"].startswith(FREE_PROTOCOL)
+    same = [each for each in rows if each["protocol"] == row["protocol"]]
+    return [each for each in same if each["steps"] == row["steps"]] if is_free else same
+
+
+def _kept_rows(missing: Sequence[Job], rows: Iterable[Row]) -> list[Row]:
     """The rows that stay as they are; failed ones do not matter."""
     replaced = {job.key for job in missing}
     return [row for row in rows if row_key(row) not in replaced and not row.get("error")]
@@ -115,9 +127,8 @@ def _rows_beside(missing: Sequence[Job], rows: Iterable[Row]) -> list[Row]:
 
 def _check_joins(row: Row, kept: Sequence[Row], path: Path) -> None:
     """Refuse a row that would spoil the file: no table could be made of it and those that are there."""
-    conditions = row["protocol"], row["steps"]
     try:
-        check_comparable([*(each for each in kept if (each["protocol"], each["steps"]) == conditions), row])
+        check_comparable([*rows_beside(row, kept), row])
     except ValueError as error:
         raise ValueError(
             f"{_player(row)} in {row['scene']} cannot join {path}, as settings, weights, the scene or "

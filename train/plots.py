@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from anm_gym.metrics.intervals import mean_interval
+from anm_gym.whole_file import whole_file
 from train.tables.reliability import ReliabilityBin
 
 PALETTE: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#555555")
@@ -17,7 +18,7 @@ STROKES: Final = (("-", ""), ("--", "– – "), (":", "··· "))
 """Line styles of curves whose colours repeat, and the signs before their labels."""
 
 MIN_BAND_CURVES: Final = 3
-"""Fewer curves have intervals too wide to be drawn."""
+"""Fewer scenes, or curves of a single one, have intervals too wide to be drawn."""
 
 MAX_BAND_ALPHA: Final = 0.15
 """Opacity of a band."""
@@ -74,6 +75,12 @@ def mean_band(curves: Sequence[Curve], x: NDArray[np.float64]) -> Band:
     return Band(x, mean, low, high)
 
 
+def has_band(curves: Sequence[Curve]) -> bool:
+    """Whether the interval of some curves is to be drawn; see `MIN_BAND_CURVES`."""
+    scenes = {curve.scene for curve in curves}
+    return (len(scenes) if len(scenes) > 1 else len(curves)) >= MIN_BAND_CURVES
+
+
 def band_alpha(num_bands: int) -> float:
     """Opacity at which so many bands leave the curves to be seen."""
     return min(MAX_BAND_ALPHA, BANDS_ALPHA / max(num_bands, 1))
@@ -104,7 +111,7 @@ def plot_curves(
         x = np.linspace(max(float(curve.x[0]) for curve in curves), x_max, 201)
         color = PALETTE[index % len(PALETTE)]
         band = mean_band(curves, x)
-        if len(curves) >= MIN_BAND_CURVES:
+        if has_band(curves):
             axes.fill_between(x, band.low, band.high, color=color, alpha=band_alpha(len(groups)), linewidth=0)
         dashes, sign = STROKES[index // len(PALETTE) % len(STROKES)]
         axes.plot(x, band.mean, color=color, linewidth=2.0, linestyle=dashes)
@@ -248,8 +255,8 @@ def _make_logarithmic(axes: Any, name: str, values: ArrayLike) -> None:
 
 def save_figure(result: Any, path: Path) -> Path:
     """Write a figure as a PNG, and make its folder; returns the path."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    result.savefig(path, dpi=150)
+    with whole_file(path) as draft:
+        result.savefig(draft, dpi=150, format="png")
     return path
 
 

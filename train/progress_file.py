@@ -10,6 +10,7 @@ from safetensors.torch import save_file
 from torch import Tensor, nn, optim
 
 from anm_gym.errors import PolicyError
+from anm_gym.whole_file import whole_file
 
 _MOMENTS = ("exp_avg", "exp_avg_sq", "step")
 
@@ -67,12 +68,10 @@ def _below(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
 
 def write_checkpoint(path: Path, tensors: Mapping[str, Tensor], progress: Mapping[str, Any]) -> None:
     """Write tensors and plain values; the file appears whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(path.name + ".partial")
     # Copies: networks may share memory, and files do not.
     plain = {name: values.detach().cpu().clone().contiguous() for name, values in tensors.items()}
-    save_file(plain, partial, metadata={"progress": json.dumps(dict(progress))})
-    partial.replace(path)
+    with whole_file(path) as draft:
+        save_file(plain, draft, metadata={"progress": json.dumps(dict(progress))})
 
 
 def read_checkpoint(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:

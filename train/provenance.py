@@ -161,6 +161,10 @@ def _plain(value: Any) -> Any:
         return {str(key): _plain(item) for key, item in value.items() if key not in _NOT_SETTINGS}
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    if isinstance(value, Path):
+        return value.as_posix()
     return value if isinstance(value, str | int | float | bool | None) else type(value).__name__
 
 
@@ -173,8 +177,9 @@ def commit_of(root: Path) -> str:
     head = subprocess.run(last, capture_output=True, text=True, check=False)
     if head.returncode != 0 or not head.stdout.strip():
         return ""
-    differs = subprocess.run([*git, "diff", "--quiet", "HEAD", "--", *CODE], capture_output=True, check=False)
-    return head.stdout.strip() + ("+" if differs.returncode != 0 else "")
+    changes = [*git, "status", "--porcelain", "--untracked-files=all", "--", *CODE]
+    status = subprocess.run(changes, capture_output=True, text=True, check=False)
+    return head.stdout.strip() + ("+" if status.stdout.strip() or status.returncode != 0 else "")
 
 
 def _version(name: str) -> str:

@@ -112,6 +112,7 @@ class EpisodeRecorder(Recorder):
         self._actions.append(action)
         self._take(observation, info)
         self._progress(self.meter.comp_pct)
+        self._mark_s = time.process_time()
 
     def scores(self) -> dict[str, Any]:
         """Compute by module; the measures of the trail are read from `trajectory` and `meter`."""

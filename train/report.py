@@ -3,9 +3,9 @@
 import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,7 +92,7 @@ def write_report(out: Path, rows: Sequence[Row], title: str) -> Path:
         Section("CPU time", _compute(good)),
         Section("Calibration of the map's uncertainty", _calibration(out, table, good)),
         Section("Failure attribution", attribution_body(out, good, _measured(table, ATTRIBUTION_MEASURES))),
-        Section("Episodes", _episodes(rows)),
+        Section("Episodes", _episodes(with_oracle_share(rows))),
         Section("Failures", _failures(rows)),
         Section("Provenance", _provenance(table, rows)),
     ]
@@ -131,7 +131,7 @@ def load_curves(out: Path, rows: Sequence[Row], max_steps: int) -> EpisodeCurves
 def _curve_of(out: Path, row: Row) -> tuple[NDArray[np.float64], ...] | None:
     """(T,) steps, metres and completion (%) of an episode, from its trajectory or else from its row."""
     path = out / str(row.get("trajectory", ""))
-    if path.is_file():
+    with suppress(FileNotFoundError, IsADirectoryError, ValueError):  # gone, or torn
         trajectory = Trajectory.load(path)
         comp_pct = trajectory.curves["comp_pct"]
         return np.arange(len(comp_pct), dtype=np.float64), trajectory.path_m, comp_pct
@@ -228,11 +228,20 @@ def _compute(rows: Sequence[Row]) -> str:
     body = [
         [
             Cell(name),
-            *(_number([value_of(row, f"cpu_ms.{module}") for row in group], 2) for module in modules),
+            *(_mean_ms(group, module) for module in modules),
         ]
         for name, group in groups.items()
     ]
     return html.table(["ms per step", *modules], body) if body else ""
+
+
+def _mean_ms(rows: Sequence[Row], module: str) -> Cell:
+    """Mean over the scenes, as elsewhere; an episode without the module spent nothing on it."""
+    charged = [{**row, "cpu_ms": {module: 0.0} | row["cpu_ms"]} for row in rows if row["cpu_ms"]]
+    value = estimate(charged, f"cpu_ms.{module}")
+    if value is None or not any(module in (row["cpu_ms"] or {}) for row in rows):
+        return Cell("–")
+    return Cell(f"{value.mean:.2f}", value.mean)
 
 
 def _calibration(out: Path, table: Table, rows: Sequence[Row]) -> str:
@@ -250,13 +259,13 @@ def _calibration(out: Path, table: Table, rows: Sequence[Row]) -> str:
     )
     groups = {agent_name(*key): gather_reliability(group) for key, group in group_by_agent(rows).items()}
     curves = {name: bins for name, bins in groups.items() if bins}
-    picture = reliability_figure(curves, out / "reliability.png") if curves else out / "none"
+    picture = reliability_figure(curves, out / "reliability.png") if curves else None
     caption = (
         "True against predicted error of the zero-crossings, gathered by what was predicted; on the line they"
         " are equal. Bars reach from the scene with the least error to the one with the greatest."
     )
     comparison = _comparison(lines, CALIBRATION_MEASURES) + html.paragraph(note)
-    return comparison + html.image(picture, caption) + _reliability(curves)
+    return comparison + (html.image(picture, caption) if picture else "") + _reliability(curves)
 
 
 def _reliability(curves: Mapping[str, Sequence[ReliabilityBin]]) -> str:
@@ -304,9 +313,12 @@ def _failures(rows: Sequence[Row]) -> str:
 
 
 def _provenance(table: Table, rows: Sequence[Row]) -> str:
-    versions: Mapping[str, Any] = rows[-1].get("versions") or {}
     hashes = [(f"settings of {line.name}", line.settings_hash) for line in table.lines]
-    return html.definitions([*hashes, *((name, str(value)) for name, value in versions.items())])
+    versions: dict[str, dict[str, None]] = defaultdict(dict)
+    for row in rows:
+        for name, value in (row.get("versions") or {}).items():
+            versions[name][str(value)] = None
+    return html.definitions([*hashes, *((name, ", ".join(values)) for name, values in versions.items())])
 
 
 def _number(values: Sequence[float], digits: int) -> Cell:

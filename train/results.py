@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from train.whole_file import write_whole
+from anm_gym.whole_file import write_whole
 
 Row = dict[str, Any]
 Key = tuple[Any, ...]
@@ -60,7 +60,6 @@ def append_row(path: Path, row: Mapping[str, Any]) -> None:
 
 def write_json(path: Path, value: Any) -> Path:
     """Write plain values as indented JSON; not-a-number and infinities become null, paths their names."""
-    path.parent.mkdir(parents=True, exist_ok=True)
     text = json.dumps(_plain(value), indent=2, allow_nan=False, default=str)
     write_whole(path, text + "\n")
     return path

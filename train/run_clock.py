@@ -5,7 +5,7 @@ import time
 from pathlib import Path
 from typing import Final, final
 
-from train.whole_file import write_whole
+from anm_gym.whole_file import write_whole
 
 CLOCK_FILE: Final = "cpu_s.json"
 

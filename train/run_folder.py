@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from filelock import FileLock, Timeout
 
-from train.whole_file import write_whole
+from anm_gym.whole_file import write_whole
 
 SETTINGS_FILE: Final = "settings.json"
 LOCK_FILE: Final = "run.lock"

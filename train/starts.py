@@ -18,11 +18,11 @@ from tqdm import tqdm
 
 from anm_gym.errors import SceneError
 from anm_gym.scenes.datasets import ROOT_VARIABLE
+from anm_gym.whole_file import write_whole
 from train.command import parse_seeds, run_command
 from train.episodes import Start, make_env, scene_of
 from train.protocols import OPEN_SCENES, PROTOCOLS, Protocol, ProtocolScene, open_protocol
 from train.provenance import environment_digest, geometry_digest, scenes_root
-from train.whole_file import write_whole
 
 FORMAT: Final = 1
 """Version of the file's layout."""
@@ -151,7 +151,6 @@ def write_starts(path: Path, protocol_name: str, table: StartTable) -> Path:
         "units": "x (m), z (m), heading (rad); by seed",
         "scenes": scenes,
     }
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_whole(path, json.dumps(content, indent=1) + "\n")
     return path
 

@@ -1,7 +1,6 @@
 """An episode on the disk: what is needed to replay it bit for bit, and the curves drawn from it."""
 
 import json
-import os
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anm_gym.metrics.curves import path_length_m
+from anm_gym.whole_file import whole_file
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,8 +66,6 @@ class Trajectory:
 
     def save(self, path: Path) -> None:
         """Write an .npz of plain arrays; the file appears whole or not at all."""
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
         names = (
             "scene",
             "seed",
@@ -79,7 +77,7 @@ class Trajectory:
         )
         header = {name: getattr(self, name) for name in names}
         curves: dict[str, Any] = {f"curve_{name}": values for name, values in self.curves.items()}
-        with partial.open("wb") as file:
+        with whole_file(path) as draft, draft.open("wb") as file:
             np.savez_compressed(
                 file,
                 header=np.array(json.dumps(header)),
@@ -89,7 +87,6 @@ class Trajectory:
                 failures=self.failures,
                 **curves,
             )
-        partial.replace(path)
 
     @classmethod
     def load(cls, path: Path) -> "Trajectory":

@@ -17,6 +17,7 @@ from typing import Any, Final
 from anm_gym.envs.options import read_names
 from anm_gym.envs.pointnav_episodes import PointNavEpisode, is_upright
 from anm_gym.errors import EpisodeError
+from anm_gym.whole_file import whole_file
 
 CONTENT_PATH: Final = "{data_path}/content/{scene}.json.gz"
 """Where the files of the scenes lie, `data_path` being the split's folder (Habitat's default)."""
@@ -221,12 +222,9 @@ def _read_json(file: Path) -> dict[str, Any]:
 
 
 def _write_json(file: Path, content: dict[str, Any]) -> None:
-    """Write a file in one move, so that a killed process leaves the old one or the new one."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    draft = file.with_name(f".{file.name}.part")
     text = json.dumps(content, allow_nan=False, separators=(",", ":"))
-    draft.write_bytes(gzip.compress(text.encode(), mtime=0))
-    draft.replace(file)
+    with whole_file(file) as draft:
+        draft.write_bytes(gzip.compress(text.encode(), mtime=0))
 
 
 def _malformed(name: str, where: str, condition: str, value: Any) -> EpisodeError:

@@ -23,6 +23,7 @@ from anm_gym.map.settings import (
     ScheduleSettings,
     VariabilitySettings,
 )
+from anm_gym.whole_file import whole_file
 
 FORMAT = "anm_gym.neural_map.3"
 """Version of the layout; a file of another one is refused."""
@@ -56,17 +57,14 @@ def save_map(neural_map: NeuralMap, path: str | Path) -> None:
         neural_map: The map.
         path: A ``.safetensors`` file; an older one is replaced.
     """
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
     metadata = {
         "format": FORMAT,
         "settings": json.dumps(asdict(neural_map.settings)),
         "camera": json.dumps(asdict(neural_map.camera)),
     }
-    partial = path.with_name(path.name + ".partial")
     tensors = {name: tensor.contiguous().cpu() for name, tensor in neural_map.state().items()}
-    save_file(tensors, partial, metadata=metadata)
-    partial.replace(path)
+    with whole_file(path) as draft:
+        save_file(tensors, draft, metadata=metadata)
 
 
 def load_map(path: str | Path, *, device: str = "cpu") -> NeuralMap:

@@ -1,6 +1,7 @@
 """Posed depth frames kept for training: the newest ones and the keyframes that are replayed."""
 
 from dataclasses import dataclass
+from typing import Final
 
 import torch
 from torch import Tensor
@@ -8,6 +9,9 @@ from torch import Tensor
 from anm_gym.errors import MapError
 from anm_gym.geometry import CameraSpec
 from anm_gym.map.settings import SamplingSettings
+
+MIN_IMAGE_PX: Final = 3
+"""Pixels along each side of the smallest image that has normals."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +54,11 @@ class FrameStore:
     """
 
     def __init__(self, camera: CameraSpec, sampling: SamplingSettings, device: torch.device) -> None:
+        if min(camera.height_px, camera.width_px) < MIN_IMAGE_PX:
+            raise ValueError(
+                f"`camera` must have at least {MIN_IMAGE_PX} x {MIN_IMAGE_PX} pixels, as normals are "
+                f"differences of neighbours, got {camera.height_px} x {camera.width_px}"
+            )
         self.camera, self.sampling, self.device = camera, sampling, device
         self._directions = torch.tensor(camera.directions, device=device).reshape(-1, 3)
         self._depths = torch.zeros((4, camera.height_px * camera.width_px), device=device)

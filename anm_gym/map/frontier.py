@@ -83,7 +83,7 @@ def _cut(cells: NDArray[np.int64], parts: int) -> list[NDArray[np.int64]]:
 
 def _frontier(cells: NDArray[np.int64], unknown: NDArray[np.bool_], frame: GridFrame) -> Frontier:
     middle = cells[((cells - cells.mean(axis=0)) ** 2).sum(axis=1).argmin()]
-    reach = round(OUTLOOK_M / frame.cell_m)
+    reach = max(1, round(OUTLOOK_M / frame.cell_m))
     low = np.maximum(middle - reach, 0)
     window = unknown[low[0] : middle[0] + reach + 1, low[1] : middle[1] + reach + 1]
     outward = (np.argwhere(window) + low - middle).mean(axis=0)

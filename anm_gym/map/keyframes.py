@@ -1,5 +1,7 @@
 """The test that makes a keyframe: how much of a frame an older copy of the map explains."""
 
+from dataclasses import replace
+
 import torch
 from torch import Tensor
 
@@ -48,12 +50,9 @@ def _render_depth(
     field: Field, pixels: PixelBatch, sampling: SamplingSettings, generator: torch.Generator
 ) -> Tensor:
     """(R,) depth of the first sample behind a predicted surface, corrected by its distance; 0 if none."""
-    extended = PixelBatch(
-        pixels.slots, pixels.depth_m + RENDER_BEHIND_M, pixels.origins, pixels.directions, pixels.normals
-    )
-    rays = sample_rays(extended, sampling, generator)
+    rays = sample_rays(pixels, replace(sampling, behind_m=RENDER_BEHIND_M), generator)
     length = pixels.directions.norm(dim=1, keepdim=True)
-    depths, order = (extended.depth_m[:, None] - rays.ray_bound_m / length).sort(dim=1)
+    depths, order = (pixels.depth_m[:, None] - rays.ray_bound_m / length).sort(dim=1)
     values = field(rays.points.reshape(-1, 3)).reshape(depths.shape).gather(1, order)
     is_behind = values < 0.0
     first = is_behind.float().argmax(dim=1, keepdim=True)

@@ -67,7 +67,7 @@ class ReachableSpace:
             Weighted metres; infinite if there is no way.
         """
         cell = self.frame.cells_of(position_xz)[0]
-        near = nearest_free_cell(self.reachable, cell, int(tolerance_m / self.frame.cell_m))
+        near = nearest_free_cell(self.reachable, cell, round(tolerance_m / self.frame.cell_m))
         return float("inf") if near is None else float(self.cost_m[near[0], near[1]])
 
 
@@ -102,7 +102,7 @@ def _searched(
     """Search what is passable with a clearance."""
     frame = occupancy.frame
     passable = occupancy.traversable(radius_m, through_unknown=settings.through_unknown)
-    start = nearest_free_cell(passable, frame.cells_of(position_xz)[0], int(ESCAPE_M / frame.cell_m))
+    start = nearest_free_cell(passable, frame.cells_of(position_xz)[0], round(ESCAPE_M / frame.cell_m))
     if start is None:
         return None
     rows, columns = np.flatnonzero(passable.any(axis=1)), np.flatnonzero(passable.any(axis=0))

@@ -215,7 +215,7 @@ def _cast(box: _Box, centers: NDArray[np.float64], camera: CameraSpec, settings:
     decay = np.tile(decay, len(centers))
     hope, ray = np.ones(len(decay), np.float32), np.arange(len(decay))
     parts = []
-    for index in range(max(1, int(settings.range_m / voxel_m))):
+    for index in range(max(1, round(settings.range_m / voxel_m))):
         flat = _flat_index(lines, box.codes.shape)
         code = box.codes.reshape(-1)[flat]
         hope[code == WALL] = 0.0

@@ -194,11 +194,17 @@ def gains_by_heading(
 
 
 def sectors_in_view(sectors: NDArray[np.float64], camera: CameraSpec) -> NDArray[np.float64]:
-    """Sum the (P, H, ...) sectors of a circle that an image shows, by the heading of its middle."""
+    """Sum the (P, H, ...) sectors of a circle that an image shows, by the heading of its middle.
+
+    Of a sector that its edge cuts counts the share within.
+    """
     sector_rad = 2.0 * np.pi / sectors.shape[1]
-    half_sectors = max(0, int(np.deg2rad(camera.hfov_deg) / 2.0 / sector_rad - 0.5 + 1e-9))
-    shifts = range(-half_sectors, half_sectors + 1)
-    return np.asarray(sum(np.roll(sectors, shift, axis=1) for shift in shifts))
+    half_sectors = max(0.0, np.deg2rad(camera.hfov_deg) / 2.0 / sector_rad - 0.5)
+    whole = int(half_sectors + 1e-9)
+    in_view = np.asarray(sum(np.roll(sectors, shift, axis=1) for shift in range(-whole, whole + 1)))
+    if (rest := half_sectors - whole) > 1e-9:
+        in_view = in_view + rest * sum(np.roll(sectors, shift, axis=1) for shift in (-whole - 1, whole + 1))
+    return in_view
 
 
 def view_costs(

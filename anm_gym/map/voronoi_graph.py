@@ -85,7 +85,7 @@ def voronoi_graph(
     settings = settings or VoronoiSettings()
     frame = occupancy.frame
     passable = _without_specks(occupancy, settings)
-    start = nearest_free_cell(passable, frame.cells_of(position_xz)[0], int(ESCAPE_M / frame.cell_m))
+    start = nearest_free_cell(passable, frame.cells_of(position_xz)[0], round(ESCAPE_M / frame.cell_m))
     if start is None:
         return None
     labels, _ = ndimage.label(passable)

@@ -57,8 +57,7 @@ def mean_interval(
         >>> round(interval.mean, 2), round(interval.half_width, 2)
         (2.0, 2.48)
     """
-    if not 0.0 < confidence < 1.0:
-        raise ValueError(f"`confidence` must be between 0 and 1, got {confidence}")
+    _check_confidence(confidence)
     finite = np.asarray(values, np.float64).ravel()
     is_finite = np.isfinite(finite)
     finite = finite[is_finite]
@@ -93,7 +92,7 @@ def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> tu
         Lower and upper end; 0 and 1 without any trial.
 
     Raises:
-        ValueError: If there are more successes than trials, or less than none.
+        ValueError: If there are more successes than trials, or less than none, or `confidence` is no share.
 
     Source:
         Wilson, 1927.
@@ -103,6 +102,7 @@ def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> tu
         >>> round(low, 3), high
         (0.929, 1.0)
     """
+    _check_confidence(confidence)
     if not 0 <= successes <= trials:
         raise ValueError(f"`successes` must be in [0, {trials}], got {successes}")
     if trials == 0:
@@ -132,3 +132,8 @@ def paired_difference(
     shared = [key for key in first if key in second]
     differences = [first[key] - second[key] for key in shared]
     return mean_interval(differences, confidence, [key[0] for key in shared])
+
+
+def _check_confidence(confidence: float) -> None:
+    if not 0.0 < confidence < 1.0:
+        raise ValueError(f"`confidence` must be between 0 and 1, got {confidence}")

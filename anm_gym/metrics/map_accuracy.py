@@ -88,7 +88,7 @@ def reconstruction_scores(
 
     Args:
         vertices: (V, 3) of the reconstruction, metres, world frame.
-        faces: (F, 3) indices; none gives scores that are not a number.
+        faces: (F, 3) indices; without area the scores are not a number.
         true_mesh: The true surface.
         rng: Draws the samples.
         num_samples: Samples of the reconstruction, and of the true surface for the official scores.
@@ -103,9 +103,9 @@ def reconstruction_scores(
     """
     true_samples = sample_surface(true_mesh, num_samples, rng).points
     floor_pct = sampling_floor_pct(num_samples, float(true_mesh.areas_m2.sum()))
-    if len(faces) == 0:
-        return ReconstructionScores(np.nan, np.nan, np.nan, floor_pct)
     mesh = TriangleMesh(np.asarray(vertices, np.float64), np.asarray(faces, np.int32))
+    if not mesh.areas_m2.sum() > 0.0:
+        return ReconstructionScores(np.nan, np.nan, np.nan, floor_pct)
     points = sample_surface(mesh, num_samples, rng).points
     native_m = (true_distance or MeshDistance(true_mesh)).distance_m(points)
     official_m, _ = cKDTree(true_samples).query(points)

@@ -2,7 +2,6 @@
 
 import hashlib
 import os
-import tempfile
 import warnings
 import zipfile
 import zlib
@@ -16,6 +15,7 @@ from anm_gym.mesh import TriangleMesh
 from anm_gym.metrics.completion import completion_samples
 from anm_gym.metrics.view_table import ViewTable, ViewTableSettings, build_view_table, candidate_positions
 from anm_gym.sim.simulator import Simulator
+from anm_gym.whole_file import whole_file
 
 _FORMAT: Final = 2
 _FIELDS: Final = ("points", "positions_xz", "headings_rad", "bits")
@@ -95,18 +95,11 @@ def read_view_table(path: Path) -> ViewTable | None:
 
 
 def write_view_table(path: Path, table: ViewTable) -> None:
-    """Write a table under another name and move it into place, so that no reader sees half of it.
+    """Write a table; no reader sees half of it.
 
     Args:
         path: The file; its folder is made if needed.
         table: The table.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            np.savez_compressed(file, **{name: getattr(table, name) for name in _FIELDS})
-        Path(temporary).replace(path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    with whole_file(path) as draft, draft.open("wb") as file:
+        np.savez_compressed(file, **{name: getattr(table, name) for name in _FIELDS})

@@ -13,6 +13,7 @@ from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
 from anm_gym.envs.mesh_env import Observation
+from anm_gym.envs.options import read_names
 from anm_gym.geometry import forward_xz, heading_of
 from anm_gym.map.occupancy import OccupancyGrid
 from anm_gym.wrappers.needs import require_exploration
@@ -83,13 +84,16 @@ class PolicyViewWrapper(
                 "`map_px` and `depth_px` must be >= 0 and `pixel_m` > 0, "
                 f"got {map_px}, {depth_px} and {pixel_m}"
             )
+        keys = tuple(read_names("keys", keys))
+        if not (map_px or depth_px or keys):
+            raise ValueError("`map_px`, `depth_px` or `keys` must leave something to see, got 0, 0 and none")
         if missing := [key for key in keys if key not in below]:
             raise ValueError(f"`keys` must be observed below, got {', '.join(missing)}")
         if map_px and not has_occupancy(env):
             raise ValueError("`env` must have an occupancy grid; wrap it in OccupancyWrapper first")
         self._map_px: int = map_px
         self._depth_px: int = depth_px
-        self._keys: tuple[str, ...] = tuple(keys)
+        self._keys: tuple[str, ...] = keys
         self._offsets_m: NDArray[np.float64] = pixel_m * (np.arange(map_px) + 0.5 - 0.5 * map_px)
         images = {"ego_map": (len(MAP_CHANNELS), map_px, map_px), "depth_image": (1, depth_px, depth_px)}
         self.observation_space = spaces.Dict(
@@ -149,6 +153,12 @@ def ego_map(
 
 
 def depth_image(depth_m: NDArray[np.float32], size_px: int, max_depth_m: float) -> NDArray[np.uint8]:
-    """Shrink a depth image (H, W, 1), metres, to (1, S, S) bytes; 255 is `max_depth_m`."""
-    small = cv2.resize(depth_m[..., 0], (size_px, size_px), interpolation=cv2.INTER_AREA)
-    return np.asarray(np.rint(255.0 / max_depth_m * small), np.uint8)[None]
+    """Shrink a depth image (H, W, 1), metres, to (1, S, S) bytes; 255 is `max_depth_m`, 0 is empty.
+
+    A pixel is the mean of what is not empty in it.
+    """
+    depth, size = depth_m[..., 0], (size_px, size_px)
+    total = cv2.resize(depth, size, interpolation=cv2.INTER_AREA)
+    share = cv2.resize((depth > 0.0).astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    mean = np.divide(total, share, out=np.zeros_like(total), where=share > 0.0)
+    return np.asarray(np.rint(255.0 / max_depth_m * mean).clip(0, 255), np.uint8)[None]

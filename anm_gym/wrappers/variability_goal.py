@@ -85,6 +85,11 @@ class VariabilityGoalWrapper(GoalWrapper):
         if not env.has_wrapper_attr("neural_map"):
             raise ValueError("`env` must have a neural map; wrap it in NeuralMapWrapper first")
         self.targets = targets or CLUSTER_PRESETS.get(base)
+        if self.targets and planning is not None:
+            raise ValueError(
+                "`planning` must be None where goals are chosen among clusters, got settings; "
+                f"choose preset {' or '.join(VIEW_PRESETS)}"
+            )
         self.planning = planning or PlannerSettings()
         limits = CLUSTER_LIMITS if self.targets else VIEW_LIMITS
         if not self.targets:

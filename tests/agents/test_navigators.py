@@ -140,7 +140,9 @@ def test_time_to_plan_is_charged(explore: Explore, box_room: Callable[..., Trian
 
 def test_unknown_navigator_lists_the_choices(explore: Explore, box_room: Callable[..., TriangleMesh]) -> None:
     env = GoalList(explore(box_room()), goals((1.0, 0.0, None)))
-    with pytest.raises(ValueError, match="unknown navigator 'teleport'; choose one of: planner, oracle, ddppo, "):
+    with pytest.raises(
+        ValueError, match="unknown navigator 'teleport'; choose one of: planner, oracle, ddppo, "
+    ):
         make_navigator("teleport", env)
 
 

@@ -81,7 +81,9 @@ def test_map_below_is_needed() -> None:
 
 
 def test_unknown_preset_is_refused() -> None:
-    with pytest.raises(ValueError, match="unknown goal preset 'quick'; choose one of: paper, released, best, fast"):
+    with pytest.raises(
+        ValueError, match="unknown goal preset 'quick'; choose one of: paper, released, best, fast"
+    ):
         VariabilityGoalWrapper(mapped(), preset="quick")
 
 

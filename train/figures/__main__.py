@@ -17,6 +17,7 @@ from tqdm import tqdm
 
 from agents.roster import build_agent
 from anm_gym.errors import AnmError
+from anm_gym.whole_file import write_whole
 from train.command import file_stem, run_command, scene_label
 from train.episodes import make_env
 from train.figures.compute import ComputeTrace
@@ -224,8 +225,7 @@ def draw_curves(out: Path, run: str | None, json_path: Path | None, *, is_quick:
 
 
 def _write_numbers(path: Path, numbers: Numbers) -> Path:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(plain(numbers), allow_nan=False) + "\n", encoding="utf-8")
+    write_whole(path, json.dumps(plain(numbers), allow_nan=False) + "\n")
     return path
 
 

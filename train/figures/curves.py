@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from train.figures.map_probe import Numbers
 from train.play import ROWS_FILE
-from train.plots import MIN_BAND_CURVES, PALETTE, Band, Curve, band_alpha, figure, mean_band, save_figure
+from train.plots import PALETTE, Band, Curve, band_alpha, figure, has_band, mean_band, save_figure
 from train.provenance import versions
 from train.report import load_curves
 from train.results import Row, read_rows
@@ -39,6 +39,8 @@ class Panel:
     starts of a single one."""
     episodes: Mapping[str, int]
     """Episodes by agent."""
+    has_band: bool = False
+    """Whether there are enough of them for a band."""
     missing: int = 0
     """Episodes of the table that are not drawn."""
     gap: str = ""
@@ -130,6 +132,7 @@ def _panel(run: Path, steps: int, rows: Sequence[Row]) -> Panel:
         tuple(sorted({row["scene"] for row in rows})),
         {name: bands[name] for name in best_first},
         {name: len(loaded.over_steps[name]) for name in best_first},
+        all(map(has_band, loaded.over_steps.values())),
         loaded.missing + loaded.unshared,
         loaded.gap,
     )
@@ -158,7 +161,7 @@ def _whole_steps(budget: int) -> NDArray[np.float64]:
 def _draw_panel(axis: Any, panel: Panel, styles: Mapping[str, tuple[str, str]]) -> None:
     for name, band in panel.bands.items():
         color, line = styles[name]
-        if panel.episodes[name] >= MIN_BAND_CURVES:
+        if panel.has_band:
             axis.fill_between(
                 band.x, band.low, band.high, color=color, alpha=band_alpha(len(panel.bands)), linewidth=0
             )

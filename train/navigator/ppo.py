@@ -46,7 +46,7 @@ class PpoSettings:
     learning_rate: float = 2.5e-4
     """Of Adam."""
     decays_learning_rate: bool = True
-    """Whether it falls linearly to 0 (DD-PPO: not)."""
+    """Whether it falls linearly, to 0 after the last update (DD-PPO: not)."""
     clip_range: float = 0.2
     """Of the ratio of probabilities, and of values."""
     entropy_weight: float = 0.01
@@ -102,6 +102,7 @@ class NavigatorPpo(RecurrentPPO):
     ) -> None:
         self.settings, self.ranks = settings, ranks or Ranks()
         self._preemption = Preemption(self.ranks)
+        self._rollout_start = 0
         super().__init__(
             NavigatorPolicy,
             env,
@@ -164,6 +165,7 @@ class NavigatorPpo(RecurrentPPO):
         rollout_buffer.reset()
         callback.on_rollout_start()
         self._preemption.begin()
+        self._rollout_start = self.num_timesteps
         states = deepcopy(self._last_lstm_states)
         goes_on, steps = True, 0
         while steps < n_rollout_steps and not self._preemption.is_late(steps / n_rollout_steps):
@@ -190,6 +192,11 @@ class NavigatorPpo(RecurrentPPO):
         self.num_timesteps += round(frames)
         callback.on_rollout_end()
         return stops == 0.0
+
+    def _update_current_progress_remaining(self, num_timesteps: int, total_timesteps: int) -> None:
+        """Count the frames before a rollout, not those in it, so that the last update still learns."""
+        before = min(num_timesteps, self._rollout_start)
+        super()._update_current_progress_remaining(before, total_timesteps)
 
     @torch.no_grad()
     def _choose(self, states: Any) -> Any:

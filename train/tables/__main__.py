@@ -4,8 +4,9 @@ Command: ``python -m train.tables table1 --protocol open-homes``. The arithmetic
 `train.tables.comparison`, the lines and columns in `train.tables.rosters`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,7 +17,7 @@ from anm_gym.scenes.datasets import ROOT_VARIABLE
 from train import quick
 from train.command import parse_seeds, run_command, split_list
 from train.episodes import split_agent
-from train.play import ROWS_FILE, add_backend_options, backend_of, report_failures
+from train.play import ROWS_FILE, add_backend_options, backend_of, report_failures, rows_beside
 from train.protocols import PROTOCOLS, Protocol, open_protocol
 from train.provenance import environment_digest
 from train.report import write_report
@@ -30,7 +31,7 @@ DEFAULT_SEEDS: Final = 5
 """Starts per scene: a single one tells nothing of what luck does."""
 DEFAULT_PROTOCOL: Final = "open-homes"
 """Protocol of a table where none is named."""
-_ONLY_PLAYED: Final = ("protocol", "root", "steps", "out", "env", "quick")
+_ONLY_PLAYED: Final = ("protocol", "root", "out", "env", "quick")
 """Options that say how to play, and so mean nothing for rows that are there."""
 
 
@@ -43,19 +44,29 @@ def main(arguments: Sequence[str] | None = None) -> None:
     played = play_options(options)
     result = make_result(options.table, options.preset, played.rows, played.reference)
     print(format_result(result))
-    for path in (played.run.out / f"{options.table}.json", options.json):
-        if path is not None:
-            write_json(Path(path), result_as_json(result))
-    title = f"{TABLES[options.table].title}, {played.run.protocol.name}"
-    print(f"report: {write_report(played.run.out, played.rows, title)}")
+    if options.json is not None:
+        write_json(Path(options.json), result_as_json(result))
+    print(f"report: {describe_folder(options.table, options.preset, played)}")
     report_failures(played.rows)
+
+
+def describe_folder(table: str, preset: str, played: "Played") -> Path:
+    """Write table and report of all that a run's folder holds, even if fewer agents or starts were asked for.
+
+    Returns:
+        Path of the report.
+    """
+    out = played.run.out
+    rows = rows_beside(played.rows[0], read_rows(out / ROWS_FILE))
+    write_json(out / f"{table}.json", result_as_json(make_result(table, preset, rows, played.reference)))
+    return write_report(out, rows, f"{TABLES[table].title}, {played.run.protocol.name}")
 
 
 def print_rows(options: Any) -> None:
     """Print the table of rows that are there; nothing is played, and nothing written but `--json`.
 
     Raises:
-        ValueError: If an option asks for anything else, or there are no such rows.
+        ValueError: If an option asks for anything else, or for an agent, a scene or a seed without a row.
     """
     if others := [name for name in _ONLY_PLAYED if getattr(options, name)]:
         raise ValueError(
@@ -63,9 +74,7 @@ def print_rows(options: Any) -> None:
         )
     path = Path(options.rows)
     path = path / ROWS_FILE if path.is_dir() else path
-    rows = [row for row in read_rows(path) if _is_asked_for(row, options)]
-    if not rows:
-        raise ValueError(f"`rows` must be a folder with rows of what is asked for, got none in {path}")
+    rows = _asked_rows(read_rows(path), options, path)
     agents = list(dict.fromkeys(agent_name(row["agent"], row["preset"]) for row in rows))
     result = make_result(options.table, options.preset, rows, _reference_of(options, agents))
     print(format_result(result))
@@ -73,12 +82,27 @@ def print_rows(options: Any) -> None:
         write_json(Path(options.json), result_as_json(result))
 
 
-def _is_asked_for(row: Row, options: Any) -> bool:
-    """Whether agents, scenes and seeds of the options, where they are given, name a row."""
-    agents = {agent_name(*split_agent(agent)) for agent in split_list(options.agents or [])}
-    scenes, seeds = split_list(options.scenes or []), parse_seeds(options.seeds) if options.seeds else []
-    named = [(agents, agent_name(row["agent"], row["preset"])), (scenes, row["scene"]), (seeds, row["seed"])]
-    return all(value in asked for asked, value in named if asked)
+def _asked_rows(rows: Sequence[Row], options: Any, path: Path) -> list[Row]:
+    """The rows of the agents, scenes, seeds and budget that the options name, or of all; see `print_rows`."""
+    asked: list[tuple[str, Sequence[Any], Callable[[Row], Any]]] = [
+        (
+            "agents",
+            [agent_name(*split_agent(agent)) for agent in split_list(options.agents or [])],
+            lambda row: agent_name(row["agent"], row["preset"]),
+        ),
+        ("scenes", split_list(options.scenes or []), itemgetter("scene")),
+        ("seeds", parse_seeds(options.seeds) if options.seeds else [], itemgetter("seed")),
+        ("steps", [] if options.steps is None else [options.steps], itemgetter("steps")),
+    ]
+    for option, wanted, value in asked:
+        if wanted:
+            rows = [row for row in rows if value(row) in wanted]
+        if missing := set(wanted) - set(map(value, rows)):
+            names = ", ".join(sorted(map(str, missing)))
+            raise ValueError(f"`{option}` must name what has rows, got {names}, which has none in {path}")
+    if not rows:
+        raise ValueError(f"`rows` must be a folder with rows of what is asked for, got none in {path}")
+    return list(rows)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,9 @@ from train.backends import Backend
 from train.episodes import Job, split_agent
 from train.play import play_missing
 from train.protocols import Protocol
-from train.provenance import scenes_root, versions
-from train.results import Row, write_json
+from train.provenance import scenes_root
+from train.results import Row
+from train.run_folder import hold_folder
 from train.starts import SceneStarts, StartTable, starts_for
 
 QUICK_SEEDS: Final = {"table1": (0, 1), "table2": (0,)}
@@ -84,8 +85,9 @@ def play_table(run: TableRun, backend: Backend) -> list[Row]:
 
     Raises:
         SceneError: If scenes of the protocol are missing.
+        ValueError: As `play_missing` raises it.
     """
     run.protocol.require_scenes(scenes_root(run.env_options))
+    hold_folder(run.out)
     starts = starts_for(run.protocol, run.seeds, run.out, run.env_options)
-    write_json(run.out / "settings.json", {**asdict(run), "versions": versions()})
-    return play_missing(run.jobs(starts), run.out, backend)
+    return play_missing(run.jobs(starts), run.out, asdict(run), backend)

@@ -62,7 +62,7 @@ def notes(table: Table) -> list[str]:
         result.append(
             "note: the agents do not have the same scenes and seeds; their means are not comparable"
         )
-    if len(table.commits) > 1:
+    if len(table.commits) > 1 or any(commit.endswith("+") for commit in table.commits):
         names = ", ".join(commit or "unnamed" for commit in table.commits)
         result.append(f"note: the episodes were played by several states of the code: {names}")
     if any(line.failed for line in table.lines):

@@ -71,6 +71,20 @@ def test_reinforcement_runs_through_the_librarys_loop(
     assert any(not torch.equal(values, before[name]) for name, values in model.policy.state_dict().items())
 
 
+def test_learning_rate_falls_and_the_last_update_still_learns(
+    navigation: Navigation, tiny_net: NavigatorNetSettings
+) -> None:
+    model = make_ppo(navigation(4), tiny_net)
+    rates: list[float] = []
+    model.policy.optimizer.register_step_pre_hook(
+        lambda optimizer, *_: rates.append(optimizer.param_groups[0]["lr"])
+    )
+    model.learn(300)  # rollouts of 128 frames: at 0, 128 and 256
+    assert list(dict.fromkeys(rates)) == pytest.approx(
+        [TINY_PPO.learning_rate * (1.0 - frames / 300) for frames in (0, 128, 256)]
+    )
+
+
 def test_only_the_critic_learns_at_first(navigation: Navigation, tiny_net: NavigatorNetSettings) -> None:
     model = make_ppo(navigation(4), tiny_net)
     model.policy.learn_values_only(True)

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from train.whole_file import write_whole
+from anm_gym.whole_file import write_whole
 
 
 def test_older_file_stays_until_the_new_one_is_there(tmp_path, monkeypatch):
