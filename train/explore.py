@@ -16,6 +16,8 @@ from tqdm import tqdm
 
 from anm_gym.map.checkpoint import save_map
 from anm_gym.mesh import TriangleMesh
+from anm_gym.scenes.catalog import takes_options
+from anm_gym.scenes.report import mesh_report
 from train import html
 from train.command import run_command, scene_label
 from train.episodes import Episode, Job, run_job, scene_of, split_agent, whole_row
@@ -57,7 +59,7 @@ def explore(
         env: Arguments of the environment, such as a camera.
 
     Returns:
-        The episode's row.
+        The episode's row, where the report lies, and what may be wrong with a mesh that was loaded.
     """
     folder = out or default_folder(scene)
     prepare_worker()
@@ -74,9 +76,10 @@ def explore(
     write_json(folder / "row.json", row)
     surface = _write_map(job, episode)
     pictures = _write_pictures(job, episode, surface)
+    warnings = list(mesh_report(scene_of(episode.env)).warnings) if takes_options(scene) else []
     _write_report(job, episode, pictures)
     episode.env.close()
-    return row | {"report": str(folder / "report.html")}
+    return row | {"report": str(folder / "report.html"), "warnings": warnings}
 
 
 def default_folder(scene: str) -> Path:
@@ -118,8 +121,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         write_json(options.json, row)
     for heading, value in summary(row):
         print(f"{heading:<22}{value:>14}")
-    for repair in row["repairs"]:
-        print(f"note: {repair}")
+    for note in row["repairs"]:
+        print(f"note: {note}")
+    for warning in row["warnings"]:
+        print(f"warning: {warning}")
     print(f"report: {row['report']}")
 
 

@@ -39,6 +39,10 @@ class ExaminedStorey(Protocol):
         """How far the floor is from level, degrees."""
 
     @property
+    def beside(self) -> tuple[tuple[float, float], ...]:
+        """Height (metres) and area (square metres) of floors a step up or down."""
+
+    @property
     def surroundings(self) -> Surroundings:
         """What rays meet."""
 
@@ -98,6 +102,12 @@ def _about_shape(storey: ExaminedStorey) -> Iterator[str]:
         yield (
             f"tilts by {storey.tilt_deg:.1f} degrees: floor that lies 5 cm below or 10 cm above its main "
             "height is not walked on; level the mesh"
+        )
+    if storey.beside:
+        floors = ", ".join(f"{area_m2:.1f} m2 at y = {y_m:.2f} m" for y_m, area_m2 in storey.beside)
+        yield (
+            f"does not reach {floors}: a step down of more than 5 cm or up of more than 10 cm is not taken; "
+            "level the mesh if these are rooms"
         )
     largest, *others = storey.parts_m2
     cut_off = [area for area in others if area >= _LARGE_PART * largest]

@@ -106,7 +106,7 @@ def _upright(cleaned: CleanMesh, file: Path) -> tuple[CleanMesh, tuple[Storey, .
     usual = y_up(cleaned.mesh, axis)
     storeys = find_storeys(usual)
     area_m2 = dict(zip("xyz", flat_area_peaks_m2(cleaned.mesh).tolist(), strict=True))
-    if storeys and area_m2[axis] >= area_m2[other]:
+    if area_m2[axis] >= area_m2[other] and any(s.ceiling_y_m is None or _is_room_high(s) for s in storeys):
         return replace(cleaned, mesh=usual), storeys
     turned = y_up(cleaned.mesh, other)
     other_storeys = find_storeys(turned)

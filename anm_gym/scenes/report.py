@@ -1,10 +1,12 @@
 """A mesh under examination: is it fit for exploration, and if not, what to do about it?"""
 
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
+from scipy import ndimage
 
 from anm_gym.mesh import TriangleMesh
 from anm_gym.scenes.advice import report_warnings
@@ -12,9 +14,13 @@ from anm_gym.scenes.cleaning import CleanMesh
 from anm_gym.scenes.load import LoadedScene, load_with_record
 from anm_gym.scenes.probes import Surroundings, make_probe, probe_surroundings
 from anm_gym.scenes.scene import Scene, Storey
-from anm_gym.scenes.storeys import floor_tilt_deg
+from anm_gym.scenes.storeys import MIN_STOREY_GAP_M, floor_tilt_deg, level_heights
 from anm_gym.sim.camera import DepthCamera
 from anm_gym.sim.traversable import TraversableGrid
+
+_BESIDE_M2: Final = 5.0
+"""Smaller level surfaces are tables and beds, square metres."""
+_BESIDE_SHARE: Final = 0.15
 
 
 @dataclass(frozen=True)
@@ -33,6 +39,9 @@ class StoreyReport:
     """Area of each connected part, square metres, largest first."""
     tilt_deg: float
     """How far the floor is from level, degrees."""
+    beside: tuple[tuple[float, float], ...]
+    """Height (metres, world frame) and area (square metres) of other floors of the storey, a step up or down
+    that the body does not take."""
     surroundings: Surroundings
     """What rays from the largest part meet."""
 
@@ -139,6 +148,23 @@ def _examine(loaded: LoadedScene) -> MeshReport:
     )
 
 
+def _floors_beside(
+    mesh: TriangleMesh, grid: TraversableGrid, floor_y_m: float
+) -> Iterator[tuple[float, float]]:
+    """Find floors at other heights of a storey that are large enough to be rooms, the largest first."""
+    least_m2 = max(_BESIDE_M2, _BESIDE_SHARE * next(iter(grid.component_areas_m2), 0.0))
+    covered = grid.navigable.copy()
+    for height_m in level_heights(mesh)[0].tolist():
+        if abs(height_m - floor_y_m) >= MIN_STOREY_GAP_M:
+            continue
+        other = TraversableGrid.from_mesh(mesh, height_m)
+        labels, count = ndimage.label(other.navigable & ~covered)
+        largest_m2 = np.bincount(labels.ravel(), minlength=2)[1:].max() * grid.frame.cell_m**2
+        if count and largest_m2 >= least_m2:
+            yield height_m, float(largest_m2)
+            covered |= other.navigable
+
+
 def _examine_storey(mesh: TriangleMesh, caster: DepthCamera, storey: Storey) -> StoreyReport:
     grid = TraversableGrid.from_mesh(mesh, storey.floor_y_m)
     return StoreyReport(
@@ -148,5 +174,6 @@ def _examine_storey(mesh: TriangleMesh, caster: DepthCamera, storey: Storey) -> 
         navigable_m2=grid.navigable_area_m2,
         parts_m2=grid.component_areas_m2,
         tilt_deg=floor_tilt_deg(mesh, storey.floor_y_m),
+        beside=tuple(_floors_beside(mesh, grid, storey.floor_y_m)),
         surroundings=probe_surroundings(caster, mesh, grid, storey.floor_y_m),
     )

@@ -15,7 +15,8 @@ from anm_gym.mesh import TriangleMesh
 from anm_gym.scenes.probes import EYE_HEIGHT_M, Surroundings, make_probe, probe_surroundings
 from anm_gym.scenes.scene import Storey
 from anm_gym.sim.camera import DepthCamera
-from anm_gym.sim.traversable import ROOFED_M2, TraversableGrid
+from anm_gym.sim.indoors import INDOORS_M2
+from anm_gym.sim.traversable import TraversableGrid
 
 MIN_STOREY_GAP_M: Final = 1.8
 """Floors closer than this belong to one storey, metres: a person's height (ours)."""
@@ -177,7 +178,7 @@ def _merge_close(candidates: Sequence[_Candidate]) -> list[_Candidate]:
     by_rank = sorted(candidates, key=lambda found: found.floor_y_m, reverse=True)
     while by_rank:
         largest = max(by_rank, key=lambda found: found.area_m2)
-        roofed = [f for f in by_rank if f.surroundings.is_roofed and f.area_m2 >= ROOFED_M2]
+        roofed = [f for f in by_rank if f.surroundings.is_roofed and f.area_m2 >= INDOORS_M2]
         rivals = by_rank if largest.surroundings.is_walled else roofed or by_rank
         largest_m2 = max(found.area_m2 for found in rivals)
         best = next(found for found in rivals if found.area_m2 >= 0.9 * largest_m2)

@@ -11,6 +11,7 @@ from anm_gym.errors import SceneError
 from anm_gym.mesh import TriangleMesh
 from anm_gym.sim.geodesic import GridGraph
 from anm_gym.sim.grid import GridFrame
+from anm_gym.sim.indoors import INDOORS_M2, between_walls, bridged, is_enclosed, with_roofed_first
 from anm_gym.sim.raster import rasterise_slab
 
 FLOOR_TOLERANCE_M = 0.05
@@ -19,8 +20,8 @@ MAX_CELLS = 25_000_000
 """Cells of the largest raster, 250 m square at the default cell; beyond it the unit is wrong."""
 ROOF_M = 8.0
 """Highest roof over a floor, metres; what is higher may be a sky (ours)."""
-ROOFED_M2 = 8.0
-"""Area from which a part under a roof comes before a larger one in the open, square metres (ours)."""
+ROOM_M = 20.0
+"""How far the walls of a room without a roof may be, metres (ours)."""
 CONTACT_M = 1e-6
 """The body touches where the clearance is its radius to within this, metres; above float32's rounding."""
 
@@ -59,14 +60,15 @@ class TraversableGrid:
     body: BodySpec
     """The body that it was built for."""
     has_floor: NDArray[np.bool_]
-    """(rows, columns): some surface at floor height."""
+    """(rows, columns): some surface at floor height, or a gap in it that is no wider than the body. Where a
+    house stands on open ground, only what is indoors."""
     occupied: NDArray[np.bool_]
     """(rows, columns): some surface in the body's slab of heights."""
     clearance_m: NDArray[np.float32]
     """(rows, columns) distance to the nearest cell that is occupied or has no floor, metres."""
     component: NDArray[np.int32]
-    """(rows, columns) label of the connected navigable part: 0 for none, 1 for the largest; where that ends
-    at drops rather than walls, parts under a roof come first, so that 1 is the house and not the lawn."""
+    """(rows, columns) label of the connected navigable part: 0 for none, 1 for the largest; where a house
+    stands on open ground, parts under a roof come first."""
 
     @classmethod
     def from_mesh(
@@ -96,15 +98,17 @@ class TraversableGrid:
         has_floor = rasterise_slab(mesh.triangles, frame, floor_y_m - FLOOR_TOLERANCE_M, low)
         if not has_floor.any():
             raise SceneError(f"the mesh must have a floor at y = {floor_y_m:.2f} m, got none; check `storey`")
+        has_floor = bridged(has_floor, round(2.0 * body.radius_m / cell_m))
         occupied = rasterise_slab(mesh.triangles, frame, low, top)
-        open_floor = has_floor & ~occupied
-        padded = np.pad(open_floor, 1)
-        clearance = (cell_m * ndimage.distance_transform_edt(padded)[1:-1, 1:-1]).astype(np.float32)
-        component = _components(clearance > body.radius_m + CONTACT_M)
-        large = np.bincount(component.ravel())[1:] * cell_m**2 >= ROOFED_M2
-        if large.sum() > 1 and not _is_enclosed(component == 1, occupied, open_floor, body.radius_m / cell_m):
+        clearance, component = _fit(has_floor & ~occupied, body, cell_m)
+        if not is_enclosed(component == 1, occupied, has_floor & ~occupied, body.radius_m / cell_m):
             roof = rasterise_slab(mesh.triangles, frame, top, floor_y_m + ROOF_M)
-            component = _with_roofed_first(component, roof, large)
+            indoors = has_floor & (roof | between_walls(occupied, round(ROOM_M / cell_m)))
+            inner_clearance, inner = _fit(indoors & ~occupied, body, cell_m)
+            large = np.bincount(inner.ravel())[1:] * cell_m**2 >= INDOORS_M2
+            if large.any():
+                has_floor, clearance = indoors, inner_clearance
+                component = with_roofed_first(inner, roof, large)
         return cls(frame, body, has_floor, occupied, clearance, component)
 
     @cached_property
@@ -186,6 +190,15 @@ class TraversableGrid:
         return float(z), float(x)
 
 
+def _fit(
+    open_floor: NDArray[np.bool_], body: BodySpec, cell_m: float
+) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+    """Clearance on a floor, metres, and the connected parts where the body fits."""
+    padded = np.pad(open_floor, 1)
+    clearance = (cell_m * ndimage.distance_transform_edt(padded)[1:-1, 1:-1]).astype(np.float32)
+    return clearance, _components(clearance > body.radius_m + CONTACT_M)
+
+
 def _components(navigable: NDArray[np.bool_]) -> NDArray[np.int32]:
     """Label connected parts (four neighbours, as corners are not cut), the largest first."""
     labels, count = ndimage.label(navigable)
@@ -193,23 +206,3 @@ def _components(navigable: NDArray[np.bool_]) -> NDArray[np.int32]:
     rank = np.zeros(count + 1, np.int32)
     rank[np.argsort(-sizes, kind="stable") + 1] = np.arange(1, count + 1)
     return np.asarray(rank[labels], np.int32)
-
-
-def _is_enclosed(
-    part: NDArray[np.bool_], occupied: NDArray[np.bool_], open_floor: NDArray[np.bool_], radius_cells: float
-) -> bool:
-    """Whether a part of the floor ends at obstacles, as rooms do, rather than where the floor does."""
-    away_cells = ndimage.distance_transform_edt(~part)
-    rim = (away_cells <= radius_cells + 2.0) & ~open_floor
-    return bool(occupied[rim].mean() >= 0.5) if rim.any() else False
-
-
-def _with_roofed_first(
-    component: NDArray[np.int32], has_roof: NDArray[np.bool_], is_large: NDArray[np.bool_]
-) -> NDArray[np.int32]:
-    """Label anew so that large parts mostly under a roof come first; else the order stays."""
-    sizes, roofed = (np.bincount(labels.ravel())[1:] for labels in (component, component * has_roof))
-    is_indoors = is_large & (2 * np.pad(roofed, (0, len(sizes) - len(roofed))) >= sizes)
-    rank = np.zeros(len(sizes) + 1, np.int32)
-    rank[np.argsort(~is_indoors, kind="stable") + 1] = np.arange(1, len(sizes) + 1)
-    return np.asarray(rank[component], np.int32)

@@ -33,6 +33,13 @@ def test_every_part_of_an_observation_reaches_the_features() -> None:
     assert all(value.grad is not None and value.grad.abs().sum() > 0 for value in observations.values())
 
 
+def test_order_of_an_observation_does_not_matter() -> None:
+    """A vector environment sorts the keys that it trains on; a single one does not."""
+    features, observations = ViewFeatures(SPACE, features_dim=24), batch()
+    shuffled = dict(reversed(observations.items()))
+    assert torch.equal(features(observations), features(shuffled))
+
+
 def test_goal_straight_behind_looks_the_same_from_either_side() -> None:
     left, right = goal_features(torch.tensor([[3.0, np.pi], [3.0, -np.pi]]))
     assert torch.allclose(left, right, atol=1e-6)

@@ -65,6 +65,12 @@ def test_depth_out_of_range_is_never_drawn(generator: torch.Generator) -> None:
     assert len(frames.sample_pixels(torch.tensor([0]), 50, generator).depth_m) == 0
 
 
+@pytest.mark.parametrize("size_px", [(2, 64), (64, 2)])
+def test_image_without_neighbours_has_no_normals(size_px: tuple[int, int]) -> None:
+    with pytest.raises(ValueError, match="`camera` must have at least 3 x 3 pixels"):
+        FrameStore(CameraSpec(*size_px), SamplingSettings(), torch.device("cpu"))
+
+
 def test_empty_store_has_no_window(generator: torch.Generator) -> None:
     frames = FrameStore(CameraSpec(width_px=8, height_px=8), SamplingSettings(), CPU)
     with pytest.raises(MapError, match="no keyframe to replay; call `integrate` with a first frame"):

@@ -60,6 +60,14 @@ def test_two_doors_are_two_frontiers() -> None:
     assert len(find_frontiers(free, unknown, FRAME, min_size_m=0.5)) == 2
 
 
+def test_frontier_of_large_cells_has_a_direction() -> None:
+    free = np.zeros((5, 5), bool)
+    free[2, 1:4] = True
+    frontiers = find_frontiers(free, ~free, GridFrame(np.zeros(2), 1.0, free.shape), min_size_m=1.0)
+    assert frontiers
+    assert all(np.isfinite(frontier.outward_rad) for frontier in frontiers)
+
+
 def test_rasters_must_fit() -> None:
     with pytest.raises(ValueError, match="same shape"):
         find_frontiers(np.zeros((2, 2), bool), np.zeros((2, 3), bool), FRAME, min_size_m=0.0)

@@ -3,9 +3,10 @@ import pytest
 
 from anm_gym.geometry import CameraSpec, camera_pose
 from anm_gym.map.occupancy import OccupancyGrid
-from anm_gym.map.reach import ReachSettings, reachable_space
+from anm_gym.map.reach import ReachableSpace, ReachSettings, reachable_space
 from anm_gym.mesh import TriangleMesh
 from anm_gym.sim.backends import make_depth_camera
+from anm_gym.sim.grid import GridFrame
 
 CAMERA = CameraSpec(width_px=128, height_px=128)
 
@@ -38,6 +39,16 @@ def test_what_is_behind_a_wall_is_reached_only_through_the_tolerance(seen: Occup
     assert space is not None
     assert np.isinf(space.cost_to((-2.0, 2.2)))
     assert space.cost_to((-2.0, 2.2), tolerance_m=0.6) == pytest.approx(2.0, abs=0.5)
+
+
+def test_tolerance_reaches_cells_that_are_as_far_as_it_is() -> None:
+    """0.3 m are six cells of 5 cm, though 0.3 / 0.05 is less than 6 in floating point."""
+    cost_m = np.full((20, 20), np.inf)
+    cost_m[10, 10] = 1.0
+    space = ReachableSpace(GridFrame(np.zeros(2), 0.05, cost_m.shape), cost_m)
+    away = space.frame.centers_of(np.array([10, 16]))[0]
+    assert space.cost_to(away, tolerance_m=0.3) == 1.0
+    assert np.isinf(space.cost_to(away, tolerance_m=0.25))
 
 
 def test_unknown_floor_is_passable_on_request(seen: OccupancyGrid) -> None:

@@ -11,6 +11,7 @@ from anm_gym.map.views import (
     gains_by_heading,
     in_image,
     rank_views,
+    sectors_in_view,
     view_costs,
 )
 from anm_gym.map.volume import OCCUPIED, UNKNOWN, ObservedVolume
@@ -119,6 +120,13 @@ def test_image_holds_what_lies_within_half_the_field_of_view() -> None:
     points = (center + 2.0 * directions).astype(np.float32)
     assert in_image(center, 0.0, points, CAMERA).tolist() == [True, False, True, False, False]
     assert in_image(center, np.pi, points, CAMERA).tolist() == [False, False, False, False, True]
+
+
+@pytest.mark.parametrize(("hfov_deg", "sectors"), [(90.0, 9.0), (60.0, 6.0), (79.0, 7.9), (5.0, 1.0)])
+def test_image_shows_as_much_of_the_circle_as_its_field_of_view(hfov_deg: float, sectors: float) -> None:
+    circle = np.ones((1, 36))
+    camera = CameraSpec(width_px=8, height_px=8, hfov_deg=hfov_deg)
+    np.testing.assert_allclose(sectors_in_view(circle, camera), sectors)
 
 
 def test_nothing_is_seen_where_there_is_nothing(volume: ObservedVolume) -> None:

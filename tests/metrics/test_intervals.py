@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from anm_gym.metrics.intervals import mean_interval, paired_difference
+from anm_gym.metrics.intervals import mean_interval, paired_difference, wilson_interval
 
 
 def test_the_interval_is_students():
@@ -55,3 +55,5 @@ def test_values_of_a_single_cluster_are_independent():
 def test_a_confidence_that_is_no_probability_is_refused(confidence):
     with pytest.raises(ValueError, match="`confidence` must be between 0 and 1"):
         mean_interval([1.0, 2.0], confidence)
+    with pytest.raises(ValueError, match="`confidence` must be between 0 and 1"):
+        wilson_interval(1, 2, confidence)

@@ -61,8 +61,9 @@ def test_a_perfect_mesh_has_the_sampling_floor_officially_and_none_natively(box_
     assert 25.0 < scores.fpr_floor_pct < 35.0
 
 
-def test_an_empty_reconstruction_has_no_scores(box_room, rng):
-    scores = reconstruction_scores(np.zeros((0, 3)), np.zeros((0, 3), int), box_room(), rng, num_samples=100)
+@pytest.mark.parametrize("faces", [np.zeros((0, 3), int), np.zeros((1, 3), int)])
+def test_a_reconstruction_without_area_has_no_scores(faces, box_room, rng):
+    scores = reconstruction_scores(np.zeros((len(faces), 3)), faces, box_room(), rng, num_samples=100)
     assert np.isnan([scores.acc_cm, scores.fpr_pct, scores.fpr_official_pct]).all()
 
 

@@ -69,6 +69,15 @@ def test_y_up_formats_are_taken_as_they_are(tmp_path: Path, box_room: BoxRoom, s
     assert scene.repairs == ()
 
 
+def test_tall_and_narrow_building_is_turned_upright(tmp_path: Path, box_room: BoxRoom) -> None:
+    """Its party walls are larger than any floor."""
+    house = joined(*(moved(box_room(4.5, 8.0), (0.0, 2.7 * storey, 0.0)) for storey in range(4)))
+    scene = load_scene(save(tmp_path / "house.glb", z_up(house)))
+    assert [storey.floor_y_m for storey in scene.storeys] == pytest.approx([0.0, 2.7, 5.4, 8.1], abs=0.01)
+    assert any("took z as the up axis" in repair for repair in scene.repairs)
+    assert load_scene(save(tmp_path / "upright.glb", house)).repairs == ()
+
+
 @pytest.mark.parametrize("suffix", [".ply", ".stl"])
 def test_z_up_formats_are_turned_without_mirroring(tmp_path: Path, box_room: BoxRoom, suffix: str) -> None:
     room = moved(box_room(6.0, 4.0), (0.0, 0.0, 5.0))

@@ -186,3 +186,22 @@ def test_scene_is_examined_where_there_is_no_embree(room_file: Path, monkeypatch
     monkeypatch.setattr("anm_gym.sim.backends.find_spec", lambda _: None)
     monkeypatch.setitem(sys.modules, "embreex.mesh_construction", None)
     assert load_scene(room_file).storeys == expected
+
+
+def test_rooms_a_step_higher_are_pointed_out(box_room: BoxRoom) -> None:
+    """A bed is none."""
+    room = box_room(8.0, 6.0)
+    is_floor = room.triangles[:, :, 1].max(axis=1) < 0.01
+    for width_m, is_room in ((4.0, True), (0.6, False)):
+        corners = [
+            [x, y, z]
+            for x0, x1, y in ((-4.0, 4.0 - width_m, 0.0), (4.0 - width_m, 4.0, 0.3))
+            for x, z in ((x0, -3.0), (x1, -3.0), (x1, 3.0), (x0, 3.0))
+        ]
+        faces = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7], [1, 4, 7], [1, 7, 2]])
+        mesh = TriangleMesh(
+            np.concatenate([room.vertices, corners]),
+            np.concatenate([room.faces[~is_floor], faces + len(room.vertices)]).astype(np.int32),
+        )
+        report = mesh_report(scene_of(mesh))
+        assert any("does not reach" in text for text in report.warnings) == is_room

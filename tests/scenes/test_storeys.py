@@ -34,7 +34,38 @@ def test_house_comes_before_the_ground_around_it(box_room: BoxRoom, y_m: float) 
     assert storey.navigable_area_m2 == pytest.approx(29.0, abs=2.0)
     grid = TraversableGrid.from_mesh(mesh, storey.floor_y_m)
     assert grid.component_at([0.0, 0.0]) == 1
-    assert grid.component_at([20.0, 0.0]) == (2 if y_m > -0.1 else 0)
+    assert grid.component_at([20.0, 0.0]) == 0, "what is outdoors is no floor"
+
+
+@pytest.mark.parametrize("has_ceiling", [True, False])
+@pytest.mark.parametrize("has_door", [True, False])
+def test_open_door_and_missing_ceiling_do_not_lead_outdoors(
+    two_rooms: TriangleMesh, has_ceiling: bool, has_door: bool
+) -> None:
+    """Gazebo's houses have neither ceilings nor anything but a plane around them."""
+    house = two_rooms if has_ceiling else without_ceiling(two_rooms)
+    low, high = two_rooms.bounds[:, 0]
+    is_wall = (house.triangles[:, :, 0] <= low + 0.01).all(axis=1)
+    if has_door:
+        house = joined(TriangleMesh(house.vertices, house.faces[~is_wall]), with_gap(two_rooms, low))
+    (storey,) = find_storeys(joined(house, ground(15.0, 0.0)))
+    grid = TraversableGrid.from_mesh(joined(house, ground(15.0, 0.0)), storey.floor_y_m)
+    places = grid.frame.centers_of(np.argwhere(grid.component == 1))
+    inside = (places[:, 0] > low) & (places[:, 0] < high)
+    assert inside.mean() > 0.98
+    assert grid.component_areas_m2[0] == pytest.approx(
+        TraversableGrid.from_mesh(two_rooms, 0.0).component_areas_m2[0], rel=0.05
+    )
+
+
+def with_gap(room: TriangleMesh, x_m: float) -> TriangleMesh:
+    """A wall across x with a door of 1 m in its middle."""
+    top, (low, high) = room.bounds[1, 1], room.bounds[:, 2]
+    middle = 0.5 * (low + high)
+    sides = [(low, middle - 0.5), (middle + 0.5, high)]
+    corners = [[x_m, y, z] for z0, z1 in sides for y, z in ((0, z0), (0, z1), (top, z1), (top, z0))]
+    faces = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]
+    return TriangleMesh(np.array(corners, np.float64), np.array(faces, np.int32))
 
 
 def test_sky_is_no_room(box_room: BoxRoom) -> None:

@@ -15,7 +15,15 @@ def test_list_may_be_spelled_with_commas_or_spaces(text):
 
 @pytest.mark.parametrize(
     ("text", "seeds"),
-    [("3", [0, 1, 2]), (3, [0, 1, 2]), (["2"], [0, 1]), ("4,7", [4, 7]), ([4, 7], [4, 7]), ("7,", [7])],
+    [
+        ("3", [0, 1, 2]),
+        (3, [0, 1, 2]),
+        (["2"], [0, 1]),
+        ("4,7", [4, 7]),
+        ([4, 7], [4, 7]),
+        ("7,", [7]),
+        ([7], [7]),
+    ],
 )
 def test_one_number_is_a_count_and_several_are_seeds(text, seeds):
     assert parse_seeds(text) == seeds

@@ -75,6 +75,7 @@ def test_configuration_file_is_read(tmp_path):
         ({"scenes": []}, "`scenes` must name at least one"),
         ({"episodes": 0}, "`episodes` must be >= 1, got 0"),
         ({"split": "../val"}, "`split` must be a plain name, got '../val'"),
+        ({"split": ".."}, "`split` must be a plain name, got '..'"),
     ],
 )
 def test_impossible_datasets_are_refused(settings, message):

@@ -7,14 +7,16 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from train.backends import Backend
+from train.episodes import Job
 from train.evaluate import Evaluation, evaluate, main
-from train.play import ROWS_FILE
+from train.play import ROWS_FILE, play_missing
 from train.provenance import file_digest
 from train.results import append_row, read_rows
 
@@ -265,6 +267,24 @@ def test_row_that_would_spoil_the_file_is_not_written(field, tmp_path, play):
     assert (tmp_path / ROWS_FILE).read_bytes() == before
 
 
+@pytest.mark.parametrize(("protocol", "is_joined"), [("open-homes", False), ("explore-v0", True)])
+def test_protocol_is_one_table_whatever_budgets_its_scenes_have(protocol, is_joined, tmp_path, play):
+    """Budgets that are chosen freely make tables of their own."""
+
+    def played_with(settings):
+        return lambda job: play(job) | {"settings_hash": settings}
+
+    short, long = (
+        Job("fbe", "strong", scene, 0, steps, tmp_path, conditions=protocol)
+        for scene, steps in (("home:studio:1", 10), ("home:flat:1", 20))
+    )
+    play_missing([short], tmp_path, {}, HERE, played_with("old"))
+    refused = nullcontext() if is_joined else pytest.raises(ValueError, match="must have one settings_hash")
+    with refused:
+        play_missing([long], tmp_path, {}, HERE, played_with("new"))
+    assert len(read_rows(tmp_path / ROWS_FILE)) == 1 + is_joined
+
+
 def test_episodes_that_earlier_code_played_are_pointed_out(tmp_path, play, capsys):
     def played_by(commit):
         return lambda job: play(job) | {"versions": {"commit": commit}}
@@ -286,9 +306,13 @@ def test_two_rows_of_one_run_that_cannot_be_compared_are_not_both_written(tmp_pa
 
 
 def test_folder_that_another_process_plays_into_is_refused(tmp_path, play, held):
+    """And the settings of what is under way stay as they are."""
+    first = Evaluation(["fbe"], ["home:flat:1"], [0], out=tmp_path)
+    assert len(evaluate(first, HERE, play)) == 1
+    settings = (tmp_path / "settings.json").read_text()
     with held(tmp_path), pytest.raises(ValueError, match="no other process writes to"):
-        evaluate(Evaluation(["fbe"], ["home:flat:1"], [0], out=tmp_path), HERE, play)
-    assert len(evaluate(Evaluation(["fbe"], ["home:flat:1"], [0], out=tmp_path), HERE, play)) == 1
+        evaluate(Evaluation(["fbe"], ["home:flat:1"], [0, 1], out=tmp_path), HERE, play)
+    assert (tmp_path / "settings.json").read_text() == settings
 
 
 def test_rows_of_another_file_of_the_same_name_are_not_taken_for_this_one(tmp_path, play):

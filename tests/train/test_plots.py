@@ -9,6 +9,7 @@ from train.plots import (
     Curve,
     completion_figure,
     figure,
+    has_band,
     mean_band,
     plot_curves,
     reliability_figure,
@@ -46,6 +47,13 @@ def test_band_of_two_curves_matches_the_t_distribution():
 def test_single_curve_has_no_band():
     x = np.array([0.0, 1.0])
     assert np.isnan(mean_band([Curve(x, x)], x).low).all()
+
+
+def test_two_scenes_have_no_band_however_many_starts_there_are():
+    x = np.array([0.0, 1.0])
+    assert has_band([Curve(x, x, "a")] * 3)
+    assert not has_band([Curve(x, x, scene) for scene in "aabb"])
+    assert has_band([Curve(x, x, scene) for scene in "abc"])
 
 
 def test_figure_is_drawn_without_a_display(tmp_path):

@@ -166,5 +166,13 @@ def test_commit_is_marked_where_code_was_changed_and_not_where_results_were(tmp_
     assert commit_of(tmp_path) == head
     git("commit", "-q", "-a", "-m", "rows")
     assert commit_of(tmp_path) == head, "rows that are committed change no code"
+    (tmp_path / "train" / "another").write_text("new")
+    assert commit_of(tmp_path) == head + "+", "nobody has committed this one"
+    (tmp_path / "train" / "another").unlink()
     (tmp_path / "train" / "file").write_text("after")
     assert commit_of(tmp_path) == head + "+"
+
+
+def test_values_of_other_libraries_have_names_of_their_own():
+    for one, other in ((Path("a"), Path("b")), (np.float32(1.0), np.float32(2.0)), (np.ones(2), np.zeros(2))):
+        assert digest({"value": one}) != digest({"value": other})

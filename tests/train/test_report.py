@@ -95,6 +95,26 @@ def test_curve_of_the_trajectory_comes_before_that_of_the_row(tmp_path):
     assert (len(curve.x), curve.y[-1]) == (11, 50.0)
 
 
+def test_torn_trajectory_leaves_the_curve_of_the_row(report, tmp_path):
+    row = make_curve_row(tmp_path, 0) | {"curve": {"step": [0.0], "path_m": [0.0], "comp_pct": [9.0]}}
+    (tmp_path / row["trajectory"]).write_bytes(b"")
+    (curve,) = next(iter(load_curves(tmp_path, [row], 10).over_steps.values()))
+    assert curve.y.tolist() == [9.0]
+    assert "Curves of" not in report([row])
+
+
+def test_time_of_a_module_is_averaged_over_the_scenes(report):
+    """An episode without it spent nothing on it."""
+    rows = [
+        make_row("fbe", 0, scene="a", cpu_ms={"total": 10.0}),
+        make_row("fbe", 1, scene="a", cpu_ms={"total": 10.0, "goal": 4.0}),
+        make_row("fbe", 0, scene="b", cpu_ms={"total": 100.0, "goal": 6.0}),
+    ]
+    text = report(rows).partition("CPU time")[2].partition("</table>")[0]
+    assert ">4.00<" in text
+    assert ">55.00<" in text
+
+
 def test_report_without_a_trajectory_has_no_curves_and_leaves_an_earlier_picture(report, tmp_path):
     (tmp_path / "curves.png").write_bytes(b"earlier")
     text = report([make_curve_row(tmp_path, seed, is_kept=False) for seed in range(2)])

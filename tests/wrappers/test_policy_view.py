@@ -73,7 +73,7 @@ def test_what_lies_beyond_the_grid_is_unknown() -> None:
 def test_depth_is_averaged_into_bytes() -> None:
     depth_m = np.zeros((8, 8, 1), np.float32)
     depth_m[:4, :4], depth_m[:4, 4:], depth_m[4:, :2] = 10.0, 2.0, 5.0
-    assert depth_image(depth_m, 2, 10.0).tolist() == [[[255, 51], [64, 0]]]
+    assert depth_image(depth_m, 2, 10.0).tolist() == [[[255, 51], [128, 0]]], "what is empty has no depth"
 
 
 def test_only_what_is_asked_for_is_observed(in_a_box) -> None:
@@ -115,5 +115,9 @@ def test_map_needs_a_grid(in_a_box) -> None:
 def test_impossible_views_are_refused(in_a_box) -> None:
     with pytest.raises(ValueError, match="`map_px` and `depth_px` must be >= 0 and `pixel_m` > 0, got -1"):
         PolicyViewWrapper(in_a_box(), map_px=-1)
+    with pytest.raises(ValueError, match="must leave something to see"):
+        PolicyViewWrapper(in_a_box(), map_px=0, depth_px=0)
+    with pytest.raises(TypeError, match="`keys` must be a list of names, got 'gps'"):
+        PolicyViewWrapper(in_a_box(), keys="gps")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="`keys` must be observed below, got smell"):
         PolicyViewWrapper(in_a_box(), keys=("smell",))

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from anm_gym.map.targets import PAPER_TARGETS, TargetView, propose_target_views
+from anm_gym.map.view_planner import PlannerSettings
 from anm_gym.wrappers.neural_map import NeuralMapWrapper
 from anm_gym.wrappers.variability_goal import VariabilityGoalWrapper
 
@@ -85,6 +86,11 @@ def test_unknown_preset_is_refused() -> None:
         ValueError, match="unknown goal preset 'quick'; choose one of: paper, released, best, fast"
     ):
         VariabilityGoalWrapper(mapped(), preset="quick")
+
+
+def test_planning_is_refused_where_clusters_are_chosen() -> None:
+    with pytest.raises(ValueError, match="`planning` must be None where goals are chosen among clusters"):
+        VariabilityGoalWrapper(mapped(), preset="paper", planning=PlannerSettings())
 
 
 def test_active_mapping_is_explore_with_both_wrappers() -> None:

@@ -79,13 +79,19 @@ def test_part_of_the_rows_is_chosen_by_agent_scene_and_seed(written, tmp_path):
     part = json.loads((tmp_path / "part.json").read_text())
     assert part["seeds"] == [1]
     assert [(line["name"], line["episodes"]) for line in part["agents"]] == [("fbe:paper", 1)]
-    with pytest.raises(ValueError, match="got none in"):
-        main([*fixed, "--scenes", "attic"])
+    for options, message in (
+        (["--scenes", "attic"], "`scenes` must name what has rows, got attic, which has none in"),
+        (["--agents", "fbe:paper", "nbv"], "`agents` must name what has rows, got nbv:strong"),
+        (["--seeds", "0,77"], "`seeds` must name what has rows, got 77"),
+        (["--steps", "9"], "`steps` must name what has rows, got 9"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            main([*fixed, *options])
 
 
 def test_rows_are_printed_as_they_were_played(written):
-    with pytest.raises(ValueError, match="leave out --steps, --out"):
-        main(["table1", "--rows", str(written), "--steps", "9", "--out", "x"])
+    with pytest.raises(ValueError, match="leave out --out"):
+        main(["table1", "--rows", str(written), "--out", "x"])
 
 
 def test_rows_that_cannot_be_compared_lie_in_folders_apart(room_file, tmp_path, monkeypatch):
@@ -112,6 +118,28 @@ def test_table_goes_on_with_what_is_missing(written, room_file, tmp_path):
     played = play_command(options_of(room_file, tmp_path, "--agents", "random", "fbe:paper"))
     assert [row["comp_pct"] for row in played.rows].count(12.5) == 1
     assert len(played.rows) == 1 + len(others)
+
+
+def test_folder_is_described_whole_though_a_part_was_asked_for(written, room_file, tmp_path, capsys):
+    for row in read_rows(written / ROWS_FILE):
+        append_row(tmp_path / ROWS_FILE, row)
+    part = ["--agents", "fbe:paper", "--seeds", "0,", "--json", str(tmp_path / "part.json")]
+    main(options_of(room_file, tmp_path, *part))
+    names = [
+        [line["name"] for line in json.loads((tmp_path / f"{name}.json").read_text())["agents"]]
+        for name in ("part", "table1")
+    ]
+    assert names[0] == ["fbe:paper"]
+    assert sorted(names[1]) == ["fbe:paper", "random:uniform"]
+    assert "random:uniform" not in capsys.readouterr().out
+    assert "random:uniform" in (tmp_path / "report.html").read_text()
+
+
+def test_settings_of_every_agent_lie_beside_the_rows(written):
+    """Under the hash that its rows have."""
+    hashes = {row["settings_hash"] for row in read_rows(written / ROWS_FILE)}
+    kept = {path.stem: json.loads(path.read_text()) for path in (written / "settings").iterdir()}
+    assert {digest(settings) for settings in kept.values()} == kept.keys() == hashes
 
 
 def test_keys_do_not_depend_on_who_played(written, room_file, tmp_path):
