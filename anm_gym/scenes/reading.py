@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from anm_gym.errors import SceneError
 from anm_gym.scenes.colors import PLAIN_RGB, face_colors_of
 from anm_gym.scenes.obj_text import needs_care, plain_obj
+from anm_gym.scenes.ply_faces import plain_ply
 
 SUFFIXES: Final = (".glb", ".gltf", ".obj", ".ply", ".stl")
 """The mesh formats that can be read."""
@@ -53,7 +54,7 @@ def read_triangles(path: str | Path) -> RawMesh:
         SceneError: If the file is missing, empty, unknown, broken or holds no triangle.
     """
     file = _checked_file(Path(path))
-    parts = list(_parts_of(_parse(file), file))
+    parts = _read_parts(file)
     sizes = np.cumsum([0] + [len(part.vertices) for part in parts[:-1]])
     return RawMesh(
         np.concatenate([part.vertices for part in parts]),
@@ -132,18 +133,24 @@ def _check_lines(path: Path) -> None:
         )
 
 
-def _parse(path: Path) -> trimesh.Scene:
+def _read_parts(path: Path) -> list[RawMesh]:
     try:
-        text = _rewritten(path)
-        if text is None:
-            return trimesh.load_scene(path, process=False)
-        kind, resolver = path.suffix[1:].lower(), trimesh.resolvers.FilePathResolver(str(path))
-        return trimesh.load_scene(io.BytesIO(text), file_type=kind, resolver=resolver, process=False)
-    except Exception as error:  # trimesh raises whatever its parsers meet: KeyError, struct.error, ...
+        return list(_parts_of(_parse(path), path))
+    except SceneError:
+        raise
+    except Exception as error:  # parsers and textures raise whatever they meet: KeyError, OSError, ...
         reason = f"{type(error).__name__}: {error}"
         raise SceneError(
             f"{path} cannot be read as {path.suffix} ({reason}); it may be truncated: copy or export it again"
         ) from error
+
+
+def _parse(path: Path) -> trimesh.Scene:
+    text = _rewritten(path)
+    if text is None:
+        return trimesh.load_scene(path, process=False)
+    kind, resolver = path.suffix[1:].lower(), trimesh.resolvers.FilePathResolver(str(path))
+    return trimesh.load_scene(io.BytesIO(text), file_type=kind, resolver=resolver, process=False)
 
 
 def _rewritten(path: Path) -> bytes | None:
@@ -156,7 +163,10 @@ def _rewritten(path: Path) -> bytes | None:
             lines = list(itertools.takewhile(lambda line: line.strip() != b"end_header", file))
         head = b"".join(lines)
         text, is_latin = _decoded(head)
-        return text.encode() + path.read_bytes()[len(head) :] if is_latin else None
+        data = path.read_bytes()
+        if is_latin:
+            data = text.encode() + data[len(head) :]
+        return plain_ply(data) or (data if is_latin else None)
     data = path.read_bytes()
     text, is_latin = _decoded(data)
     if suffix == ".obj" and needs_care(data):
@@ -202,7 +212,10 @@ def _flattened(part: trimesh.Trimesh, world_from_part: NDArray[np.float64]) -> R
     faces = np.asarray(part.faces, np.int64)
     if np.linalg.det(world_from_part[:3, :3]) < 0.0:
         faces = faces[:, ::-1]
-    return RawMesh(vertices, faces, face_colors_of(part))
+    colors = face_colors_of(part)
+    if colors is not None and len(colors) != len(faces):
+        colors = None  # one for each polygon, and no telling which triangles are whose
+    return RawMesh(vertices, faces, colors)
 
 
 def _joined_colors(parts: list[RawMesh]) -> NDArray[np.uint8] | None:
