@@ -15,6 +15,9 @@ from anm_gym.checks import check_known
 
 EDGE_MULTIPLE: Final = 16
 """Edges of the rasters must be a multiple of this, as they are halved four times."""
+MIN_RESIDUAL_WIDTH: Final = 8
+"""Where a processor has AVX2 alone, PyTorch's kernel for the gradient of a 1 x 1 convolution with a stride
+writes beyond its weights if there are fewer channels than this and they come last."""
 
 
 @final
@@ -24,7 +27,11 @@ class ResidualUnet(nn.Module):
     Args:
         inputs: Channels in.
         outputs: Channels out, as logits.
-        width: Channels of the first stage; 64 is the published network of 5.0 million parameters.
+        width: Channels of the first stage, at least `MIN_RESIDUAL_WIDTH`; 64 is the published network of 5.0
+            million parameters.
+
+    Raises:
+        ValueError: If `width` is less.
 
     Source:
         UPEN's released code: stages of w, w, 2 w and 4 w channels, 1 x 1 lateral convolutions, a branch
@@ -33,7 +40,7 @@ class ResidualUnet(nn.Module):
 
     def __init__(self, inputs: int = 3, outputs: int = 3, width: int = 12) -> None:
         super().__init__()
-        _check_width(width)
+        _check_width(width, MIN_RESIDUAL_WIDTH)
         w = width
         self.full = nn.Sequential(_conv(inputs, w), _conv(w, w))
         self.stem = _conv(inputs, w, size=7, stride=2)
@@ -165,9 +172,9 @@ def _doubled(raster: Tensor) -> Tensor:
     return functional.interpolate(raster, scale_factor=2.0, mode="bilinear", align_corners=False)
 
 
-def _check_width(width: int) -> None:
-    if width < 1:
-        raise ValueError(f"`width` must be >= 1, got {width}")
+def _check_width(width: int, least: int = 1) -> None:
+    if width < least:
+        raise ValueError(f"`width` must be >= {least}, got {width}")
 
 
 def _check_size(raster: Tensor) -> None:

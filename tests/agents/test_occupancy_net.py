@@ -10,7 +10,7 @@ def num_parameters(net: torch.nn.Module) -> int:
 
 @pytest.mark.parametrize("name", sorted(OCCUPANCY_NETS))
 def test_raster_keeps_its_size(name: str) -> None:
-    net = occupancy_net(name, inputs=3, outputs=2, width=4)
+    net = occupancy_net(name, inputs=3, outputs=2, width=8)
     assert net(torch.rand(2, 3, 64, 80)).shape == (2, 2, 64, 80)
 
 
@@ -22,7 +22,7 @@ def test_networks_of_published_width_have_the_published_size() -> None:
 @pytest.mark.parametrize("name", sorted(OCCUPANCY_NETS))
 def test_far_cells_reach_the_output(name: str) -> None:
     torch.manual_seed(0)
-    net = occupancy_net(name, inputs=3, outputs=3, width=4).eval()
+    net = occupancy_net(name, inputs=3, outputs=3, width=8).eval()
     raster = torch.rand(1, 3, 80, 80, requires_grad=True)
     net(raster)[0, 0, 40, 40].backward()
     assert raster.grad is not None
@@ -31,14 +31,14 @@ def test_far_cells_reach_the_output(name: str) -> None:
 
 @pytest.mark.parametrize("name", sorted(OCCUPANCY_NETS))
 def test_every_weight_is_used(name: str) -> None:
-    net = occupancy_net(name, inputs=2, outputs=2, width=4)
+    net = occupancy_net(name, inputs=2, outputs=2, width=8)
     net(torch.rand(2, 2, 32, 32)).square().mean().backward()
     assert [key for key, value in net.named_parameters() if value.grad is None] == []
 
 
 def test_network_learns_to_copy() -> None:
     torch.manual_seed(0)
-    net = occupancy_net("residual", 3, 3, 4)
+    net = occupancy_net("residual", 3, 3, 8)
     optimizer = torch.optim.Adam(net.parameters(), lr=1e-2)
     labels = torch.randint(3, (2, 4, 4)).repeat_interleave(4, 1).repeat_interleave(4, 2)
     raster = torch.nn.functional.one_hot(labels, 3).permute(0, 3, 1, 2).float()
@@ -62,6 +62,8 @@ def test_unknown_network_lists_the_choices() -> None:
         occupancy_net("vit", 3, 3, 8)
 
 
-def test_width_is_positive() -> None:
+def test_width_is_what_the_kernels_can_take() -> None:
+    with pytest.raises(ValueError, match="`width` must be >= 8, got 4"):
+        occupancy_net("residual", inputs=3, outputs=3, width=4)
     with pytest.raises(ValueError, match="`width` must be >= 1, got 0"):
         occupancy_net("plain", 3, 3, 0)

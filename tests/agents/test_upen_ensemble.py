@@ -20,7 +20,7 @@ from agents.upen_ensemble import (
 from anm_gym.errors import PolicyError
 from anm_gym.map.projection import OCCUPIED
 
-SMALL = EnsembleSettings(width=4, members=2, crop_cells=32)
+SMALL = EnsembleSettings(width=8, members=2, crop_cells=32)
 
 
 @pytest.fixture
@@ -117,7 +117,7 @@ def test_file_of_another_format_is_refused(tmp_path: Path) -> None:
 
 
 def test_file_that_does_not_fit_its_settings_is_refused(ensemble: Ensemble, tmp_path: Path) -> None:
-    ensemble.settings = replace(SMALL, width=8)
+    ensemble.settings = replace(SMALL, width=12)
     save_ensemble(ensemble, tmp_path / "odd.safetensors")
     with pytest.raises(PolicyError, match=r"the ensemble in .* must fit its settings"):
         load_ensemble(tmp_path / "odd.safetensors")

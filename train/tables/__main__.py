@@ -25,7 +25,7 @@ from train.results import Row, read_rows, write_json
 from train.tables.measures import agent_name
 from train.tables.result import format_result, make_result, result_as_json
 from train.tables.rosters import TABLES
-from train.tables.run import QUICK_SEEDS, TableRun, play_table
+from train.tables.run import QUICK_SEEDS, QUICK_STEPS, TableRun, play_table
 
 DEFAULT_SEEDS: Final = 5
 """Starts per scene: a single one tells nothing of what luck does."""
@@ -179,7 +179,7 @@ def _protocol_of(options: Any) -> Protocol:
         protocol = protocol.only(split_list(options.scenes))
     elif options.quick:
         protocol = replace(protocol, scenes=protocol.scenes[:1])
-    steps = quick.STEPS if options.quick and options.steps is None else options.steps
+    steps = QUICK_STEPS[options.table] if options.quick and options.steps is None else options.steps
     return protocol if steps is None else protocol.shortened(steps)
 
 
@@ -220,7 +220,7 @@ def _parser() -> ArgumentParser:
     add("--pictures", action=ActionYesNo(yes_prefix="", no_prefix="no-"), default=True, help="draw episodes")
     add("--rows", default=None, help="print the table of the rows in this folder; nothing is played")
     add("--json", default=None, help="write the table to this file too")
-    add("--quick", action="store_true", help=f"one scene, {quick.STEPS} steps, a seed or two")
+    add("--quick", action="store_true", help="one scene, a few steps, a seed or two")
     add_backend_options(parser)
     return parser
 

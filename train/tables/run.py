@@ -10,10 +10,13 @@ from train.episodes import Job, split_agent
 from train.play import play_missing
 from train.protocols import Protocol
 from train.provenance import scenes_root
+from train.quick import STEPS
 from train.results import Row
 from train.run_folder import hold_folder
 from train.starts import SceneStarts, StartTable, starts_for
 
+QUICK_STEPS: Final = {"table1": STEPS, "table2": 4}
+"""Budget of `--quick`: choosing among clusters takes seconds a step where a map has hardly begun."""
 QUICK_SEEDS: Final = {"table1": (0, 1), "table2": (0,)}
 """Seeds of `--quick`: two have an interval, but scoring the maps of Table 2 takes too long for two."""
 

@@ -14,6 +14,7 @@ import torch
 from jsonargparse import ActionYesNo, ArgumentParser
 from tqdm import tqdm
 
+from agents.occupancy_net import MIN_RESIDUAL_WIDTH
 from agents.upen_ensemble import SHIPPED, Ensemble, EnsembleSettings, save_ensemble
 from train.batch_learning import follow
 from train.command import run_command
@@ -60,7 +61,7 @@ class UpenTraining:
             self,
             homes=4,
             test_homes=2,
-            raster=replace(self.raster, width=4),
+            raster=replace(self.raster, width=MIN_RESIDUAL_WIDTH),
             crops=replace(self.crops, crops_per_home=10),
             learning=replace(self.learning, passes=400),
         )

@@ -14,7 +14,7 @@ from train.upen.data import Crops
 from train.upen.learning import LearningSettings
 from train.upen.scores import evaluate, format_scores
 
-TINY = ["--homes", "2", "--test_homes", "1", "--crops_per_home", "4", "--width", "2", "--members", "2"]
+TINY = ["--homes", "2", "--test_homes", "1", "--crops_per_home", "4", "--width", "8", "--members", "2"]
 TINY += ["--passes", "32"]
 
 
@@ -85,7 +85,7 @@ def test_command_trains_writes_goes_on_and_ships(
     printed = capsys.readouterr().out
     assert "observed, else majority" in printed
     report = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
-    assert report["settings"]["raster"]["width"] == 2
+    assert report["settings"]["raster"]["width"] == 8
     assert len(report["curves"]) == 2
     assert report["cpu_s"] > 0.0
     assert set(report["scores"]["auroc"]["unobserved"]) == set(SCORES)
@@ -123,8 +123,8 @@ def test_wrong_network_is_refused_before_it_claims_the_folder(
 
 def test_quick_run_keeps_what_is_given() -> None:
     assert training_of(read_options(["--quick"])) == UpenTraining().quick()
-    asked = training_of(read_options(["--quick", "--width", "8", "--homes=2", "--passes", "20000"]))
-    assert (asked.raster.width, asked.homes, asked.learning.passes) == (8, 2, 20_000)
+    asked = training_of(read_options(["--quick", "--width", "9", "--homes=2", "--passes", "20000"]))
+    assert (asked.raster.width, asked.homes, asked.learning.passes) == (9, 2, 20_000)
     assert asked.test_homes == UpenTraining().quick().test_homes
 
 

@@ -7,7 +7,7 @@ from agents.upen_ensemble import EnsembleSettings
 from train.upen.data import Crops
 from train.upen.learning import LearningSettings, MemberLearner, homes_of_member
 
-RASTER = EnsembleSettings(width=2, members=3, crop_cells=32)
+RASTER = EnsembleSettings(width=8, members=3, crop_cells=32)
 SHORT = LearningSettings(passes=48, batch=4)
 
 
