@@ -307,12 +307,12 @@ def test_two_rows_of_one_run_that_cannot_be_compared_are_not_both_written(tmp_pa
 
 def test_folder_that_another_process_plays_into_is_refused(tmp_path, play, held):
     """And the settings of what is under way stay as they are."""
-    first = Evaluation(["fbe"], ["home:flat:1"], [0], out=tmp_path)
-    assert len(evaluate(first, HERE, play)) == 1
-    settings = (tmp_path / "settings.json").read_text()
+    evaluation = Evaluation(["fbe"], ["home:flat:1"], [0], out=tmp_path)
+    (tmp_path / "settings.json").write_text("theirs")
     with held(tmp_path), pytest.raises(ValueError, match="no other process writes to"):
-        evaluate(Evaluation(["fbe"], ["home:flat:1"], [0, 1], out=tmp_path), HERE, play)
-    assert (tmp_path / "settings.json").read_text() == settings
+        evaluate(evaluation, HERE, play)
+    assert (tmp_path / "settings.json").read_text() == "theirs"
+    assert len(evaluate(evaluation, HERE, play)) == 1
 
 
 def test_rows_of_another_file_of_the_same_name_are_not_taken_for_this_one(tmp_path, play):

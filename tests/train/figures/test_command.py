@@ -357,7 +357,11 @@ def test_command_draws_one_figure_and_says_where(room_file, tmp_path, capsys):
     assert len(list(tmp_path.glob("fig7_anm_best_room_0_4_*.png"))) == 1, "budget and environment are named"
 
 
-def test_command_ends_with_an_error_where_there_is_no_picture(room_file, tmp_path, capsys):
+def test_command_ends_with_an_error_where_there_is_no_picture(room_file, tmp_path, capsys, monkeypatch):
+    def nothing_false(*_arguments):
+        raise NoFalsePointError("there is none")
+
+    monkeypatch.setattr("train.figures.landscape.choose_false_point", nothing_false)
     with pytest.raises(SystemExit, match="2"):
         main(["fig2", *options_of(room_file, tmp_path, steps=3)])
-    assert "error: fig2: NoFalsePointError" in capsys.readouterr().err
+    assert "error: fig2: NoFalsePointError: there is none" in capsys.readouterr().err
