@@ -14,7 +14,9 @@ from typing import Any, Final
 
 import gymnasium as gym
 import numpy as np
+import torch
 
+from anm_gym.map.numerics import has_fast_bfloat16
 from anm_gym.mesh import TriangleMesh
 from anm_gym.scenes.datasets import find_scene, is_dataset_scene
 from train.command import scene_label
@@ -135,9 +137,18 @@ def check_scene_files(
 
 @cache
 def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that make the numbers, and the commit of this one."""
+    """Versions of Python and of the packages that make the numbers, and the commit of this one.
+
+    And, as `map_products`, whether this processor multiplies the matrices of maps in bfloat16 or in float32:
+    where settings allow the first, the numbers differ a little.
+    """
     packages = {name: _version(name) for name in PACKAGES}
-    return {"python": platform.python_version()} | packages | {"commit": commit_of(ROOT)}
+    products = "bfloat16" if has_fast_bfloat16(torch.device("cpu")) else "float32"
+    return (
+        {"python": platform.python_version()}
+        | packages
+        | {"map_products": products, "commit": commit_of(ROOT)}
+    )
 
 
 def _settings_of(owner: Any) -> dict[str, Any]:

@@ -117,6 +117,7 @@ def test_hash_does_not_depend_on_the_order_of_keys():
 
 def test_versions_name_what_makes_the_numbers():
     assert {"python", "numpy", "gymnasium", "torch"} <= set(versions())
+    assert versions()["map_products"] in {"bfloat16", "float32"}
 
 
 def test_real_environments_of_two_scenes_share_a_hash():
