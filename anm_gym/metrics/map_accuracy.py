@@ -103,10 +103,12 @@ def reconstruction_scores(
     """
     true_samples = sample_surface(true_mesh, num_samples, rng).points
     floor_pct = sampling_floor_pct(num_samples, float(true_mesh.areas_m2.sum()))
-    corners = np.asarray(vertices, np.float64)[np.asarray(faces, np.int32)]
-    if not np.abs(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])).sum() > 0.0:
-        return ReconstructionScores(np.nan, np.nan, np.nan, floor_pct)
+    nothing = ReconstructionScores(np.nan, np.nan, np.nan, floor_pct)
+    if len(faces) == 0:
+        return nothing
     mesh = TriangleMesh(np.asarray(vertices, np.float64), np.asarray(faces, np.int32))
+    if not mesh.areas_m2.sum() > 0.0:
+        return nothing
     points = sample_surface(mesh, num_samples, rng).points
     native_m = (true_distance or MeshDistance(true_mesh)).distance_m(points)
     official_m, _ = cKDTree(true_samples).query(points)

@@ -100,8 +100,9 @@ class TraversableGrid:
             raise SceneError(f"the mesh must have a floor at y = {floor_y_m:.2f} m, got none; check `storey`")
         has_floor = bridged(has_floor, round(2.0 * body.radius_m / cell_m))
         occupied = rasterise_slab(mesh.triangles, frame, low, top)
-        clearance, component = _fit(has_floor & ~occupied, body, cell_m)
-        if not is_enclosed(component == 1, occupied, has_floor & ~occupied, body.radius_m / cell_m):
+        open_floor = has_floor & ~occupied
+        clearance, component = _fit(open_floor, body, cell_m)
+        if not is_enclosed(component == 1, occupied, open_floor, body.radius_m / cell_m):
             roof = rasterise_slab(mesh.triangles, frame, top, floor_y_m + ROOF_M)
             indoors = has_floor & (roof | between_walls(occupied, round(ROOM_M / cell_m)))
             inner_clearance, inner = _fit(indoors & ~occupied, body, cell_m)
